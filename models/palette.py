@@ -47,6 +47,10 @@ class Palette:
         """The colour of a name."""
         return colour(self._indices.setdefault(name, len(self._indices)))
 
+    def next_colours(self, count: int) -> list[Colour]:
+        """The colours that the next ``count`` names would take: those of nobody yet."""
+        return [colour(len(self._indices) + index) for index in range(count)]
+
 
 def colours(names: Iterable[str]) -> dict[str, Colour]:
     """A colour for each of the names; the order in which they are given makes no difference."""

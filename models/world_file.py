@@ -29,7 +29,9 @@ from models.bodies import (
     Coordinate,
     CylinderShape,
     Extent,
+    HeightMapShape,
     Light,
+    MeshShape,
     RampShape,
     Repeat,
     Shade,
@@ -373,4 +375,5 @@ def _resting_height(shape: Shape) -> float:
             return length / 2
         case SphereShape(radius):
             return radius
-    return 0.0
+        case MeshShape() | HeightMapShape():
+            return 0.0

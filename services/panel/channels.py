@@ -87,6 +87,8 @@ class ProcessUsage:
         return changed
 
 
+FREE_COLOURS = 8
+"""Colours that no robot has, for the lines of a plot that are no robot's."""
 MAX_LINES = 2000
 """Lines kept."""
 MAX_LINE_LENGTH = 4000
@@ -229,7 +231,8 @@ class RobotsChannel:
         listed = [
             {**robot_summary(each, self._stops), "colour": robots.colour(each)} for each in robots.by_namespace.values()
         ]
-        return as_json("robots", robots=listed, all_stopped=self._stops.is_requested(""))
+        free = robots.free_colours(FREE_COLOURS)
+        return as_json("robots", robots=listed, free=free, all_stopped=self._stops.is_requested(""))
 
 
 @lru_cache(64)

@@ -94,6 +94,10 @@ class RobotTracker:
         """The colour of a robot, as the viewer and the report have it: of those that come later, the next ones."""
         return hexadecimal(self._palette.colour(robot.namespace.strip("/")))
 
+    def free_colours(self, count: int) -> list[str]:
+        """Colours of the same palette that no robot has, for what is drawn beside robots."""
+        return [hexadecimal(each) for each in self._palette.next_colours(count)]
+
     def update(self) -> None:
         """Take in what has come."""
         if self._reconciled != self._graph.version:

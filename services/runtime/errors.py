@@ -5,7 +5,6 @@ EleaError
 │   ├── TryAgain                 wrong for now: a name in use, an unreachable network     -> exit status 75
 │   ├── BadName                  messages.names: not a legal ROS name or remapping rule
 │   ├── UnknownRecord            messages.records: no record has this name (LookupError)
-│   ├── UnknownType              messages.interfaces.catalogue: no package defines this type (LookupError)
 │   ├── BadDefinition            messages.interfaces.definition: the text of a message type cannot be read
 │   ├── UnknownType              messages.interfaces.catalogue: no message, service or action has this name
 │   ├── UnknownModel             models: no robot or world has this name

@@ -72,3 +72,11 @@ def test_a_robot_that_comes_later_changes_nobody_elses() -> None:
     assert palette.colour("a") == colour(2)
     assert (palette.colour("b"), palette.colour("c")) == before == (colour(0), colour(1))
     assert hexadecimal((0, 171, 255)) == "#00abff"
+
+
+def test_the_next_colours_are_those_that_names_to_come_would_take() -> None:
+    palette = Palette(["a", "b"])
+    free = palette.next_colours(8)
+    assert len({*free, palette.colour("a"), palette.colour("b")}) == 10
+    assert [palette.colour(name) for name in ("d", "c")] == free[:2]
+    assert palette.next_colours(2) == free[2:4]

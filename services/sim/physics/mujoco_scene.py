@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -323,6 +324,8 @@ class SceneBuilder:
                 for piece in convex_pieces(mesh):
                     piece_name = self._mesh(piece, whole=True)
                     self._add(body, owner, "mesh", (), part.pose, touches, of.friction, part.ground, UNSEEN, piece_name)
+            case _:
+                assert_never(part.shape)
 
     def _add_shape(
         self,

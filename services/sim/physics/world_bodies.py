@@ -246,7 +246,8 @@ def _primitive(shape: Shape, length: str) -> dict[str, object]:
             return {"shapeType": pybullet.GEOM_CYLINDER, "radius": shape.radius, **kind}
         case SphereShape():
             return {"shapeType": pybullet.GEOM_SPHERE, "radius": shape.radius}
-    raise BadInput(f"{type(shape).__name__} cannot move")
+        case RampShape() | MeshShape() | HeightMapShape():
+            raise BadInput(f"{type(shape).__name__} cannot move")
 
 
 def _visual_shape(client: int, part: BodyPart, place: Pose3) -> int:

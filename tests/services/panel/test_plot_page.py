@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from models.palette import COLOURS, Colour, colours
 from tests.harness.processes import Process
-from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
+from tests.services.panel.conftest import ROBOTS, WITHIN_S, PageOpener, PanelFleet
 from tests.services.panel.page_actions import exported_csv, wait_page
 
 SHOWN = "() => [...document.querySelectorAll('.plot')].map(each => each.querySelectorAll('.chip').length)"
@@ -81,6 +83,64 @@ def test_plots_come_back_but_not_those_of_another_fleet(fleet: PanelFleet, pages
     page.evaluate(remember, json.dumps([[["/robot_control/reference", "data"]]]))
     page.reload()
     wait_page(lambda: page.evaluate(SHOWN) == [3, 3], WITHIN_S, "those that fit this fleet")
+
+
+MAP_COLOUR = """ns => window.elea.map.colourOf(ns).match(/\\w\\w/g).map(each => parseInt(each, 16))"""
+SWATCHES = """plot => [...plot.querySelectorAll(".chip .swatch")].map(each => {
+  const { backgroundColor, backgroundImage } = getComputedStyle(each);
+  const shown = backgroundImage === "none" ? backgroundColor : backgroundImage;
+  return [...shown.match(/rgb\\((.*?)\\)/)[1].split(",").map(Number), backgroundImage];
+})"""
+"""Red, green, blue and the dashes of each line in the legend."""
+AFTER_ROBOTS = f"""(plot, [robots, free]) => {{
+  window.elea.link.emit("robots", {{ robots, free, all_stopped: false }});
+  return ({SWATCHES})(plot);
+}}"""
+"""The same right after the page was told of robots and of the colours that none has."""
+
+
+def legend(plot: Locator) -> list[tuple[Colour, str]]:
+    """The colour and the dashes of each line of a plot, as its legend shows them."""
+    return swatches(plot.evaluate(SWATCHES))
+
+
+def swatches(found: list[list[Any]]) -> list[tuple[Colour, str]]:
+    return [((red, green, blue), dashes) for red, green, blue, dashes in found]
+
+
+def test_lines_have_the_colours_of_their_robots_also_where_those_come_later(
+    fleet: PanelFleet, pages: PageOpener
+) -> None:
+    robots = colours(each.strip("/") for each in ROBOTS)
+    page = pages.open("plots")
+    drawn = [
+        ["/tb3_1/odom", "pose.pose.position.y"],
+        ["/tb3_2/odom", "pose.pose.position.y"],
+        *[["/tb3_1/ground_truth", f"pose.pose.position.{axis}"] for axis in "xyz"],
+        *[["/tb3_1/odom", f"pose.pose.{part}"] for part in ("position.x", "orientation.z", "orientation.w")],
+        ["/clock", "clock.sec"],
+        ["/clock", "clock.nanosec"],
+    ]
+    page.evaluate("plots => localStorage.setItem('elea.plots', plots)", json.dumps([drawn]))
+    page.reload()
+    plot = page.locator(".plot")
+    expect(plot.locator(".chip")).to_have_count(len(drawn))
+    wait_page(lambda: legend(plot)[0][0] == robots["tb3_1"], WITHIN_S, "the lines of a robot in its colour")
+    lines = legend(plot)
+    assert lines[1][0] == robots["tb3_2"]
+    assert lines[1][0] == tuple(page.evaluate(MAP_COLOUR, "/tb3_2")), "as on the map"
+    of_one = [lines[index] for index in (0, 2, 3, 4, 5)]
+    assert {each for each, _ in of_one} == {robots["tb3_1"]}
+    assert len(set(lines)) == len(lines), "every line is told apart"
+    assert not {each for each, _ in lines[8:]} & set(robots.values()), "others have none of a robot's colours"
+    assert {each for each, _ in lines[8:]} <= set(COLOURS)
+    wait_page(lambda: plot.evaluate(DRAWN) > 0, WITHIN_S, "a line in the colour of the legend")
+    told = page.evaluate("() => window.elea.map.robots")
+    before = swatches(plot.evaluate(AFTER_ROBOTS, [[], ["#c10f27"]]))
+    assert not {each for each, _ in before} & set(robots.values()), "no robots, and none of their colours"
+    after = swatches(plot.evaluate(AFTER_ROBOTS, [told, ["#c10f27", "#c4ac26"]]))
+    assert after[:8] == lines[:8], "painted again as the robots come"
+    assert [each for each, _ in after[8:]] == [COLOURS[5], COLOURS[6]]
 
 
 SCRIPT = """#!/usr/bin/env python

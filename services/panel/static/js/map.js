@@ -7,7 +7,7 @@ import { MarkerLayer } from "./map_markers.js";
 import { TrailLayer } from "./map_trails.js";
 import { drawTurtle } from "./map_turtle.js";
 import { WorldLayer } from "./map_world.js";
-import { colour, onTheme, paint } from "./theme.js";
+import { colour, onTheme } from "./theme.js";
 
 const FEW = 8; // robots of which every plan is drawn; of more, that of the selected robot, and where the others drive
 const LETTER = 6.6; // px, mean width of a letter of a name
@@ -114,7 +114,7 @@ export class GroundMap {
   // A turtle draws its trail itself, by its pen.
   isTurtle(ns) { return this.byNamespace.get(ns)?.model === "turtle"; }
 
-  colourOf(ns) { return this.byNamespace.get(ns)?.colour ?? paint(0); }
+  colourOf(ns) { return this.byNamespace.get(ns)?.colour ?? colour("quiet"); }
 
   draw() {
     if (!this.dirty || !this.canvas.width) return;

@@ -2,7 +2,8 @@
 
 import { el, notify, setText } from "./dom.js";
 import { csv, merged } from "./merge.js";
-import { colour, paint } from "./theme.js";
+import { background, strokes } from "./strokes.js";
+import { colour } from "./theme.js";
 
 // A number for the legend; what lies a millionth of the axis from zero is zero, and not the rounding of a double.
 export const short = (value, span = 0) => {
@@ -11,9 +12,6 @@ export const short = (value, span = 0) => {
   if (size < span * 1e-6) return "0";
   return size !== 0 && (size < 0.001 || size >= 1e6) ? value.toExponential(2) : String(Number(value.toPrecision(5)));
 };
-
-// Lines that lie upon each other are told apart: every further line is broken, and shows what is below it.
-const DASHES = [[], [10, 6], [4, 4], [14, 4, 2, 4], [2, 3]];
 
 // As many digits as the steps between the ticks need.
 function tick(value, step) {
@@ -65,16 +63,12 @@ export class Plot {
     if (this.has(topic, path)) return;
     if (this.source.all.size >= 32 && !this.source.has(topic, path)) { notify("At most 32 series are drawn at once: remove one first", "bad"); return; }
     const series = this.source.open(topic, path);
-    const used = new Set(this.lines.map((line) => line.paint));
-    let index = 0;
-    while (used.has(index)) index++;
     const value = el("span", { class: "num value" }, "–");
     const chip = el("span", { class: "chip", title: `${topic} ${path}` },
       el("i", { class: "swatch" }), el("span", { class: "name" }, el("bdi", {}, `${topic.slice(1)} ${path}`)), value,
       el("button", { class: "bare", title: "Remove this line", onclick: () => this.toggle(topic, path) }, "×"));
-    chip.firstElementChild.style.background = paint(index);
     this.chips.append(chip);
-    this.lines.push({ series, paint: index, chip, value });
+    this.lines.push({ series, own: null, chip, value });
     this.rebuild();
     this.board.changed();
   }
@@ -87,7 +81,19 @@ export class Plot {
     this.board.changed();
   }
 
+  // The strokes as the robots are known now; whether any is new.
+  painted() {
+    const before = JSON.stringify(this.strokes);
+    this.strokes = strokes(this.lines);
+    return JSON.stringify(this.strokes) !== before;
+  }
+
+  // Robots have come that have other colours, or these lines are theirs.
+  repaint() { if (this.painted()) this.rebuild(); }
+
   rebuild() {
+    this.painted();
+    this.lines.forEach(({ chip }, index) => { chip.firstElementChild.style.background = background(this.strokes[index]); });
     this.chart?.destroy();
     this.chart = null;
     this.hint.hidden = this.lines.length > 0;
@@ -103,7 +109,7 @@ export class Plot {
       scales: { x: { time: false, range: (_, low, high) => [low, high] }, y: { range: (_, low, high) => roomy(low, high) } },
       axes: [{ ...axis, size: 28, values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))} s`) }, { ...axis, size: 60, label: this.unit(), labelSize: this.unit() ? 18 : 0, labelFont: axis.font, labelGap: 2, values: (_, ticks, __, ___, step) => ticks.map((each) => tick(each, step)) }],
       cursor: { sync: { key: "elea", filters: { pub: pointing } }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
-      series: [{}, ...this.lines.map((line, index) => ({ stroke: paint(line.paint), width: 1.5, dash: DASHES[index % DASHES.length], points: { show: false } }))],
+      series: [{}, ...this.strokes.map((each) => ({ ...each, width: 1.5, points: { show: false } }))],
       hooks: {
         setSelect: [(chart) => {
           const { left, width } = chart.select;

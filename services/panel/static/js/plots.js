@@ -112,6 +112,7 @@ export function startPlots(link) {
   refresh();
   onTheme(() => plots.forEach((each) => each.rebuild()));
   link.on("graph", restore);
+  link.on("robots", () => plots.forEach((each) => each.repaint()));
   link.on("units", ({ units }) => { if (series.label(units)) plots.forEach((each) => each.rebuild()); });
   requestAnimationFrame(frame);
   return {

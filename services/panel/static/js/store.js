@@ -1,6 +1,7 @@
-// What several parts of the page know in common: the graph's topics, and the sets of parameters.
+// What several parts of the page know in common: the graph's topics, the robots with their colours and those that are
+// `free`, and the sets of parameters.
 
-export const store = { topics: [], nodes: [], services: [], rates: { nodes: {}, topics: {} }, sets: new Map(), values: new Map() };
+export const store = { topics: [], nodes: [], services: [], robots: [], free: [], rates: { nodes: {}, topics: {} }, sets: new Map(), values: new Map() };
 
 export function startStore(link) {
   link.on("graph", (graph) => {
@@ -8,6 +9,7 @@ export function startStore(link) {
     store.nodes = graph.nodes;
     store.services = graph.srvs;
   });
+  link.on("robots", ({ robots, free }) => { store.robots = robots; store.free = free ?? []; });
   link.on("rates", (rates) => { store.rates = rates; });
   link.on("sets", ({ sets }) => { store.sets = new Map(sets.map((each) => [each.set, each])); });
   link.on("values", ({ sets }) => { for (const each of sets) store.values.set(each.set, each); });

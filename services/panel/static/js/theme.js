@@ -14,10 +14,6 @@ export function onTheme(listener) {
 // A colour of the theme by the name of its CSS variable.
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-// Lines of plots, in the order of models/palette.py, which gives the robots their colours.
-const PALETTE = ["#578df7", "#ce6c0b", "#729372", "#b062b0", "#00bed5", "#c10f27", "#c4ac26", "#7e3cc7", "#935a25", "#5033cc"];
-export const paint = (index) => PALETTE[index % PALETTE.length];
-
 export function startTheme() {
   const changed = () => listeners.forEach((each) => each());
   system.addEventListener("change", changed);
