@@ -82,6 +82,8 @@ class Simulation:
         self._sensors = SensorSchedule(world)
         self._joint_states: dict[int, list[Robot]] = {}
         """The robots by the physics steps between two of their joint states."""
+        self._counting: list[Robot] = []
+        """Those whose odometry counts the turns of wheels."""
         self._transforms = MovingTransforms()
         self._motion = MotionPublisher()
         self._steppers: list[Callable[[int], None]] = []
@@ -177,9 +179,8 @@ class Simulation:
     def _publish_motion(self, moment: Moment) -> None:
         robots, tick = self.robots, moment.tick
         self._update_contacts()
-        counting = [robot for robot in robots if robot.publishers.odometer.follows_encoders]
-        moment.read_joints([robot.name for robot in counting])
-        for robot in counting:
+        moment.read_joints([robot.name for robot in self._counting])
+        for robot in self._counting:
             robot.publishers.odometer.update_from_encoders(moment.now, moment.joints(robot.name).position)
         self._motion.publish(moment, [robot.publishers for robot in robots])
         if tick % STATUS_STEPS == 0:
@@ -286,6 +287,7 @@ class Simulation:
         for robot in self.robots:
             steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
             self._joint_states.setdefault(steps, []).append(robot)
+        self._counting = [robot for robot in self.robots if robot.publishers.odometer.follows_encoders]
         self._steppers = [each for robot in self.robots for each in robot.steppers]
         rates = [robot.publishers.joint_state_steps for robot in self.robots if not robot.model.has_base]
         rates += [1 for robot in self.robots if robot.motors.commanded]
