@@ -37,7 +37,7 @@ from models.robot_source import resolve_robot
 from models.toml_source import TomlKey, TomlSource, key_path
 from models.world import find_world, read_world
 from services.catalog import is_user_file
-from services.runtime.errors import BadInput, did_you_mean, unknown_name
+from services.runtime.errors import BadInput, did_you_mean, nearest, unknown_name
 from services.runtime.user_folders import parameters_folder
 from services.sim import SimParameters
 
@@ -82,8 +82,11 @@ def find_fleet(name: str) -> Path:
         raise BadInput(f"there is no fleet file {name}{near}")
     if name in RENAMED_FLEETS:
         raise BadInput(f"the fleet {name} is called {RENAMED_FLEETS[name]} now")
+    near = did_you_mean(name, (each.name for each in Path().glob("*.toml")))
+    if near and not nearest(name, fleet_names()):
+        raise BadInput(f"there is no fleet {name[:80]!r}{near}")
     error = unknown_name("fleet", name, fleet_names())
-    raise BadInput(f"{error}; a fleet of your own is named by its path, as ./{name[:80]}.toml")
+    raise BadInput(f"{error}; a fleet of your own is named by its path, as ./{Path(name[:80]).stem}.toml")
 
 
 def saved_parameters_file(fleet: str) -> Path:

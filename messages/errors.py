@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
 
 
 class EleaError(Exception):
@@ -36,6 +37,15 @@ def did_you_mean(name: str, known: Iterable[str], count: int = 1) -> str:
     near = [repr(each) for each in nearest(name, known, count)]
     listed = " or ".join(filter(None, (", ".join(near[:-1]), *near[-1:])))
     return f"; did you mean {listed}?" if near else ""
+
+
+def missing_file(path: Path) -> BadInput:
+    """The error for a file that does not exist, with the nearest name of its kind in its folder."""
+    try:
+        beside = [each.name for each in path.parent.iterdir() if each.suffix == path.suffix]
+    except OSError:
+        beside = []
+    return BadInput(f"there is no file {path}{did_you_mean(path.name, beside)}")
 
 
 def nearest(name: str, known: Iterable[str], count: int = 1, cutoff: float = 0.6) -> list[str]:

@@ -54,6 +54,7 @@ def command(target: str, arguments: tuple[str, ...], port: int | None, **options
     """
     from services.catalog import NO_ROS2, is_user_file, script_api, service_kinds
     from services.runtime.container_main import NAME as CONTAINER
+    from services.script.inspect_script import runs_nothing
 
     if is_user_file(target):
         api = script_api(target)
@@ -61,6 +62,8 @@ def command(target: str, arguments: tuple[str, ...], port: int | None, **options
             raise BadInput(f"{target} is written for ROS 2 (rclpy): {NO_ROS2}")
         if api == "ros1":
             run_script(Path(target), arguments, port, options)
+        if runs_nothing(Path(target)):
+            raise BadInput(f"{target} only defines things, and runs none: a controller ends with a call of main")
     elif target not in (*service_kinds(), CONTAINER):
         raise unknown_name("service", target, (*service_kinds(), CONTAINER))
     for name in ("robot", "frame_prefix", "wall_time", "rate", "seed"):

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, missing_file
 from services.runtime.parameters.base import Parameters
 
 Run = Callable[[Any], None]
@@ -110,7 +110,7 @@ def load_user_service(file: str) -> Service:
     """
     path = Path(file)
     if not path.is_file():
-        raise BadInput(f"there is no file {file}")
+        raise missing_file(path)
     before, token = list(sys.path), _loading.set(True)
     sys.path.append(str(path.parent))
     try:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from messages.errors import BadInput
+from messages.errors import BadInput, missing_file
 from messages.names import LONGEST_NODE
 from services.script.workspace import workspace_of
 
@@ -74,7 +74,7 @@ def read_script(path: Path) -> str:
     """The text of a script in its own encoding; bytes that are not of it are replaced. Raises BadInput."""
     try:
         if path.is_dir() or not path.exists():
-            raise BadInput(f"there is no file {path}")
+            raise missing_file(path)
         if path.stat().st_size > MAX_SCRIPT:
             raise BadInput(f"{path} is larger than {MAX_SCRIPT >> 20} MB: is it a script?")
         raw = path.read_bytes()
@@ -85,6 +85,28 @@ def read_script(path: Path) -> str:
     except SyntaxError:
         encoding = "utf-8"
     return raw.decode(encoding, "replace")
+
+
+def runs_nothing(path: Path) -> bool:
+    """Whether a file uses Elea and only defines things: run by itself, it does nothing. Raises BadInput."""
+    text = read_script(path)
+    tree = _parse(text)
+    if tree is None or not {each.partition(".")[0] for each in _imports(text, tree)} & OWN_MODULES:
+        return False
+    return all(map(_only_defines, tree.body))
+
+
+def _only_defines(statement: ast.stmt) -> bool:
+    match statement:
+        case ast.Import() | ast.ImportFrom() | ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+            return True
+        case ast.Assign() | ast.AnnAssign():
+            calls = (each.func for each in ast.walk(statement) if isinstance(each, ast.Call))
+            return not any("main" in ast.unparse(each) for each in calls)
+        case ast.Expr(value=ast.Constant()):  # a docstring
+            return True
+        case _:
+            return False
 
 
 def legal_node_name(name: str) -> str:

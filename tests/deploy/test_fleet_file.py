@@ -198,7 +198,7 @@ def test_a_change_that_no_set_can_take(old: str, new: str, place: int, what: str
     assert what in str(caught.value)
 
 
-def test_unknown_fleet_names_the_nearest(tmp_path: Path) -> None:
+def test_unknown_fleet_names_the_nearest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BadInput, match=r"unknown fleet 'lap'; did you mean 'lab'.*your own is named by.*\./lap\.toml"):
         find_fleet("lap")
     (tmp_path / "pair.toml").touch()
@@ -206,6 +206,12 @@ def test_unknown_fleet_names_the_nearest(tmp_path: Path) -> None:
         find_fleet(str(tmp_path / "piar.toml"))
     with pytest.raises(BadInput, match=r"no fleet file ./mine\.toml"):
         find_fleet("./mine.toml")
+    monkeypatch.chdir(tmp_path)
+    for name in ("pair.tml", "pair", "piar.toml"):
+        with pytest.raises(BadInput, match=r"there is no fleet.*; did you mean 'pair\.toml'\?"):
+            find_fleet(name)
+    with pytest.raises(BadInput, match=r"unknown fleet 'lap'; did you mean 'lab'"):
+        find_fleet("lap")
 
 
 def test_renamed_fleets_and_choices_are_refused_with_their_new_names() -> None:

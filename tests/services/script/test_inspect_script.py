@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from messages.errors import BadInput
-from services.script.inspect_script import ScriptFacts, inspect_script, is_python, legal_node_name
+from services.script.inspect_script import ScriptFacts, inspect_script, is_python, legal_node_name, runs_nothing
 
 SCRIPTS = {
     "import rospy\nrospy.init_node('talker', anonymous=True)\n": ScriptFacts("ros1", "talker", True),
@@ -55,6 +55,30 @@ def test_what_is_no_script_is_refused(tmp_path: Path) -> None:
     for path, said in {tmp_path / "gone.py": "there is no file", tmp_path: "there is no file"}.items():
         with pytest.raises(BadInput, match=said):
             inspect_script(path)
+
+
+def test_a_file_that_is_not_there_is_named_with_the_nearest(tmp_path: Path) -> None:
+    (tmp_path / "controller.py").write_text("")
+    with pytest.raises(BadInput, match=r"there is no file .*/controler\.py; did you mean 'controller\.py'\?"):
+        inspect_script(tmp_path / "controler.py")
+
+
+def test_a_controller_that_never_calls_main_runs_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "own.py"
+    defined = (
+        '"""Drives."""\nfrom services.runtime import STOP, main\nSPEED = float("0.1")\ndef run(ctx):\n    main(run)\n'
+    )
+    for text, nothing in {
+        defined: True,
+        f"{defined}main(run)\n": False,
+        f"{defined}if __name__ == '__main__':\n    main(run)\n": False,
+        f"{defined}status = main(run)\n": False,
+        f"{defined}print(SPEED)\n": False,
+        "def run(ctx):\n    pass\n": False,
+        f"{defined}def\n": False,
+    }.items():
+        file.write_text(text)
+        assert runs_nothing(file) is nothing, text
 
 
 def test_names_become_legal() -> None:
