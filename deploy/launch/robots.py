@@ -13,6 +13,7 @@ from deploy.launch.launch_file import Launch, LaunchNode, join_names
 from deploy.launch.launch_values import Description, description_of, read_text
 from deploy.rosparam_tree import Tree, get_parameter
 from models import MODELS
+from models.gazebo_tags import parse_gazebo_tags
 from models.model import WheelConfig, read_model
 from models.robot_source import resolve_robot, resolve_urdf_text
 from services.runtime.errors import BadInput, did_you_mean
@@ -166,6 +167,10 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
             namespace = key
             launch.note(f"{node.where}: {name} listens to {key}/cmd_vel, as its diff_drive_controller is called")
             break
+        else:
+            if model in MODELS and (commands := _command_namespace(spawn, packages)) != namespace:
+                namespace = commands
+                launch.note(f"{node.where}: {name} listens to {namespace}/cmd_vel, as the plugin of its drive says")
     table["namespace"] = namespace
     prefix = str(launch.search_parameter(spawn.namespace, "tf_prefix") or "").strip("/")
     if prefix or single:
@@ -174,6 +179,24 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
     joints = _start_positions(spawn, made, launch)
     table |= ({"pose": pose} if pose else {}) | ({"joints": joints} if joints else {})
     return {**table, **({"parameters": parameters} if parameters else {})}
+
+
+def _command_namespace(spawn: Spawn, packages: tuple[Path, ...]) -> str:
+    """The namespace in which the description has the commands of its drive: ``/p3dx`` for ``p3dx/cmd_vel``.
+
+    A model of ours stands for the description, without its tags; a description that cannot be read says nothing.
+    """
+    source = spawn.source
+    if not isinstance(source, Description) or not source.file.is_file():
+        return spawn.namespace
+    try:
+        topic = parse_gazebo_tags(source.text(packages), source.file.name).topics.get("cmd_vel", "")
+    except BadInput:
+        return spawn.namespace
+    inner, _, last = topic.rpartition("/")
+    if last != "cmd_vel" or not inner or f"/{inner}" == spawn.namespace:
+        return spawn.namespace
+    return join_names(spawn.namespace, inner)
 
 
 def _start_positions(spawn: Spawn, model: str, launch: Launch) -> dict[str, float]:

@@ -61,7 +61,7 @@ class ParameterGroup:
         kind: str,
         state: bool,
         number: int,
-        parent: ParameterGroup | None,
+        parent: ParameterGroup | int | None,
     ) -> None:
         self.generator, self.name, self.type, self.state, self.id = (
             generator,
@@ -70,7 +70,7 @@ class ParameterGroup:
             state,
             number,
         )
-        self.parent = self if parent is None else parent
+        self.parent = parent if isinstance(parent, ParameterGroup) else self
         self.groups: list[ParameterGroup] = []
         self.parameters: list[dict[str, Any]] = []
         self.place = generator.place()
@@ -157,9 +157,10 @@ class ParameterGenerator:
     generated: ClassVar[list[_Generated]] = []
     """Of the file that is executed; ``config_modules`` empties it."""
     file = ""
+    groups = 0
+    """The groups inside the default one; a class that inherits need not call the constructor."""
 
     def __init__(self) -> None:
-        self.groups = 0
         self.group = ParameterGroup(self, "Default", "", True, 0, None)
         self.constants: list[dict[str, Any]] = []
 

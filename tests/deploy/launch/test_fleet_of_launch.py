@@ -109,6 +109,30 @@ def test_a_diff_drive_controller_gives_its_name_and_figures(workspace: LaunchWor
     assert kinds(table) == []
 
 
+def test_the_plugin_of_a_drive_gives_its_namespace_to_a_model_of_ours(workspace: LaunchWorkspace) -> None:
+    drive = (
+        '<robot name="p3dx"><gazebo><plugin name="d" filename="libgazebo_ros_diff_drive.so"><leftJoint>l</leftJoint>'
+        "<rightJoint>r</rightJoint><commandTopic>{}</commandTopic></plugin></gazebo></robot>"
+    )
+    spawn = """<group ns="{}"><param name="robot_description" textfile="$(find robots)/{}/p3dx.urdf"/>
+      <node name="s" pkg="gazebo_ros" type="spawn_model" args="-urdf -param robot_description -model one"/></group>"""
+    cases = (
+        ("p3dx/cmd_vel", "/", "/p3dx"),
+        ("/p3dx/cmd_vel", "/p3dx", "/p3dx"),
+        ("p3dx/cmd_vel", "/fleet", "/fleet/p3dx"),
+        ("cmd_vel", "/", "/"),
+        ("drive", "/", "/"),
+    )
+    for case, (topic, group, namespace) in enumerate(cases):
+        workspace.write(f"robots/{case}/p3dx.urdf", drive.format(topic))
+        made = workspace.fleet(spawn.format(group, case))
+        (robot,) = made.table["robot"]
+        assert (robot["model"], robot["namespace"]) == ("p3dx", namespace)
+        assert any("as the plugin of its drive says" in each for each in made.notes) == (namespace != group)
+    workspace.write("robots/broken/p3dx.urdf", "<robot")
+    assert workspace.table(spawn.format("/", "broken"))["robot"][0]["namespace"] == "/"
+
+
 def test_joint_controllers_are_started_from_the_loaded_file(workspace: LaunchWorkspace) -> None:
     config = workspace.write(
         "robots/config/joints.yaml",

@@ -8,7 +8,13 @@ from pathlib import Path
 import pytest
 
 from services.runtime.errors import BadInput
-from services.script.reconfigure_config import config_module, config_modules, enum_constants, extract_params
+from services.script.reconfigure_config import (
+    ParameterGenerator,
+    config_module,
+    config_modules,
+    enum_constants,
+    extract_params,
+)
 
 ARM = """#!/usr/bin/env python
 PACKAGE = "arm"
@@ -187,3 +193,17 @@ def test_what_is_wrong_is_said_with_file_and_line(tmp_path: Path) -> None:
             config_module(write(tmp_path, text, "bad.cfg"))
     with pytest.raises(BadInput, match=r"missing\.cfg: it cannot be read: No such file"):
         config_module(tmp_path / "missing.cfg")
+
+
+def test_a_generator_that_is_inherited_from_numbers_its_groups_itself() -> None:
+    class Variables(ParameterGenerator):
+        def __init__(self) -> None:
+            self.group = self.Group(self, "Default", "", True, 0, 0)
+            self.constants = []
+
+    variables = Variables()
+    variables.add("size", "int", 0, "a size", 2, 0, 3)
+    variables.add_group("more").add("speed", "double", 0, "a speed", 0.5)
+    told = variables.group.to_dict()
+    assert (told["id"], told["parent"], [each["name"] for each in told["parameters"]]) == (0, 0, ["size"])
+    assert [(each["id"], each["parent"]) for each in told["groups"]] == [(1, 0)]
