@@ -24,7 +24,7 @@ HERE = Path(__file__).parent
 FLEETS = HERE / "fleets"
 WITHIN_S = 200.0
 """Wall time of a run, which takes a tenth of it on an idle machine."""
-AT_A_TIME = 3
+AT_A_TIME = 2
 """Fleets side by side: one in real time mostly waits, and each does while it starts and ends."""
 
 Lines = Mapping[str, Sequence[str]]

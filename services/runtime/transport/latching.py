@@ -14,8 +14,10 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from heapq import heappop, heappush
 from itertools import count
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
+from time import monotonic
 from typing import Any
 
 import zenoh
@@ -27,11 +29,16 @@ _KEPT = "@adv/pub"
 """Below a topic's key, where publishers that keep samples have their tokens."""
 ASK_S = 10.0
 """Wall time [s] that a publisher has for its answer; then it is asked again, for as long as its token is there."""
+AGAIN_S = 0.2, 1.0, 4.0
+"""Wall time [s] after which a publisher is asked again from which nothing came at all: it has sent nothing yet, or its
+token came before the way to it was known, as while two peers that met through a router are being linked."""
 RECENT = 64
 """Samples by which one that arrives on both ways, sent and fetched, is recognized."""
 
 Run = Callable[[Callable[[], None]], None]
 """Has the thread call something."""
+RunLater = Callable[[float, Callable[[], None]], None]
+"""Has the thread call something after so many seconds of wall time."""
 
 
 class LatchedPublisher:
@@ -70,8 +77,8 @@ class LatchedPublisher:
 class LatchedPast:
     """The fetched samples of one subscription. A sample may be sent, fetched, or both: then the second is dropped."""
 
-    def __init__(self, session: Any, run: Run) -> None:
-        self._run, self._session = run, session
+    def __init__(self, session: Any, run: Run, run_later: RunLater) -> None:
+        self._run, self._run_later, self._session = run, run_later, session
         self.held: Any = None
         """The next of those that were sent, until what was fetched before it has been read."""
         self._waiting: deque[Any] = deque()
@@ -139,14 +146,16 @@ class LatchedPast:
         else:
             self._tokens.discard(token)
 
-    def _ask(self, token: str) -> None:
+    def _ask(self, token: str, before: int = 0) -> None:
+        """Ask the publisher of a token, from which nothing came ``before`` so many times."""
         if token not in self._tokens:
             return
-        late = False
+        late = answered = False
 
         def on_reply(reply: Any) -> None:
-            nonlocal late
+            nonlocal late, answered
             if reply.ok is not None:
+                answered = True
                 self._waiting.append(reply.ok)
                 self._run(self._notify)
             elif reply.err is not None:
@@ -155,6 +164,8 @@ class LatchedPast:
         def on_end() -> None:
             if late:
                 self._run(lambda: self._ask(token))
+            elif not answered and before < len(AGAIN_S):
+                self._run_later(AGAIN_S[before], lambda: self._ask(token, before + 1))
 
         self._session.get(
             token,
@@ -171,8 +182,10 @@ class Latching:
 
     def __init__(self, session: Any) -> None:
         self._session = session
-        self._numbers = count()
+        self._numbers, self._orders = count(), count()
         self._work: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._later: list[tuple[float, int, Callable[[], None]]] = []
+        """What is to be called, by its time; the thread's own."""
         self._thread: threading.Thread | None = None
 
     def publisher(self, publisher: Any) -> LatchedPublisher:
@@ -183,7 +196,7 @@ class Latching:
     def past(self) -> LatchedPast:
         """The past of a new subscription."""
         self._start()
-        return LatchedPast(self._session, self._work.put)
+        return LatchedPast(self._session, self._work.put, self._run_later)
 
     def close(self, seconds: float) -> None:
         """End the thread, and wait for that ``seconds`` at most; after the session, so that no question holds it."""
@@ -196,7 +209,18 @@ class Latching:
             self._thread = threading.Thread(target=self._serve, name="latched", daemon=True)
             self._thread.start()
 
+    def _run_later(self, seconds: float, work: Callable[[], None]) -> None:
+        due = monotonic() + seconds, next(self._orders), work
+        self._work.put(lambda: heappush(self._later, due))
+
     def _serve(self) -> None:
-        while (work := self._work.get()) is not None:
+        while (work := self._next()) is not None:
             with suppress(zenoh.ZError):  # the session has closed
                 work()
+
+    def _next(self) -> Callable[[], None] | None:
+        """Wait for what is to be called next; None at the end."""
+        try:
+            return self._work.get(timeout=max(0.0, self._later[0][0] - monotonic()) if self._later else None)
+        except Empty:
+            return heappop(self._later)[2]

@@ -19,6 +19,7 @@ from services.runtime.process import PARENT, ROOT
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
+from tests.harness.external_client import external_client
 from tests.harness.ports import free_port
 from tests.harness.waiting import wait_until
 
@@ -100,6 +101,28 @@ def test_two_peers_with_much_for_each_other_ask_at_once(router: str) -> None:
 
         wait_until(complete, 20.0, "their samples")
         assert [_said(other), _said(other)] == ["asked", "complete"]
+
+
+def test_a_publisher_is_asked_again_whose_token_came_before_the_way_to_it(router: str) -> None:
+    with (
+        ZenohTransport(configuration("direct", (router,), reliable=True)) as transport,
+        external_client(router) as session,
+    ):
+        late = transport.subscribe("theirs", 4, latched=True)
+        key = f"theirs/@adv/pub/{session.zid()}/uhlc/0"
+        token = session.liveliness().declare_token(key)
+        wait_until(lambda: transport.tokens("theirs/@adv/**"), 20.0, "the token")
+
+        def answer(query: zenoh.Query) -> None:
+            query.reply("theirs", b"kept")
+            query.drop()
+
+        queryable = session.declare_queryable(key, answer)
+        sample = wait_until(late.recv, 20.0, "what is kept")
+        assert sample is not None
+        assert sample[0] == b"kept"
+        queryable.undeclare()
+        token.undeclare()
 
 
 def test_a_publisher_that_hangs_keeps_nobody_elses_samples_back(router: str) -> None:
