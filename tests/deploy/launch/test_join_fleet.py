@@ -15,6 +15,7 @@ import pytest
 from deploy.launch.join_fleet import Programs
 from deploy.processes import NodeSpec, ProcessSpec
 from deploy.restart_policy import RestartPolicy
+from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.process
 
@@ -56,12 +57,30 @@ def test_one_that_respawns_is_started_again(tmp_path: Path) -> None:
 
 
 def test_all_end_with_a_required_one_and_by_ctrl_c(tmp_path: Path) -> None:
-    waits = f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(60)"
+    pid = tmp_path / "pid"
+    waits = (
+        f"import os, time; open({str(pid)!r} + '.new', 'w').write(str(os.getpid()));"
+        f" os.rename({str(pid)!r} + '.new', {str(pid)!r}); time.sleep(60)"
+    )
+    ends = f"import os, time\nwhile not os.path.exists({str(pid)!r}): time.sleep(0.01)"
     begun = time.monotonic()
-    assert Programs([program(waits), program("import time; time.sleep(0.3)", "b", required=True)]).run() == 0
-    timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
+    assert Programs([program(waits), program(ends, "b", required=True)]).run() == 0
+    _assert_ended(pid)
+
+    def interrupt() -> None:
+        wait_until(pid.exists, 20.0, "the program")
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
     assert Programs([program(waits)]).run() == 130
+    thread.join()
     assert time.monotonic() - begun < 30
+    _assert_ended(pid)
+
+
+def _assert_ended(pid: Path) -> None:
+    """The process that wrote its id is no more; the file goes, for the next one."""
     with pytest.raises(ProcessLookupError):
-        os.kill(int((tmp_path / "pid").read_text()), 0)
+        os.kill(int(pid.read_text()), 0)
+    pid.unlink()
