@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
 from collections.abc import Callable
@@ -82,18 +83,18 @@ def model_folders(packages: LaunchPackages) -> tuple[Path, ...]:
     """The folders for ``package://`` and ``model://``, with those that packages export to Gazebo."""
     folders = [*packages.workspace.packages().values(), *packages.workspace.roots]
     for folder in packages.workspace.packages().values():
-        folders += _exported(folder)
+        folders += _exported(folder, "gazebo_model_path")
         folders += [folder / "models"] if (folder / "models").is_dir() else []
     return tuple(dict.fromkeys(folders))
 
 
-def _exported(folder: Path) -> list[Path]:
-    """The folders of models that a package.xml exports to Gazebo."""
+def _exported(folder: Path, attribute: str) -> list[Path]:
+    """The folders that a package.xml exports to Gazebo: of models, or, as ``gazebo_media_path``, of worlds."""
     try:
         root = ElementTree.fromstring((folder / "package.xml").read_bytes())
     except (OSError, ElementTree.ParseError):
         return []
-    said = [each.get("gazebo_model_path", "") for each in root.iter("gazebo_ros")]
+    said = [each.get(attribute, "") for each in root.iter("gazebo_ros")]
     paths = [Path(part.replace("${prefix}", str(folder))) for text in said for part in text.split(":") if part]
     return [each for each in paths if each.is_dir()]
 
@@ -169,7 +170,7 @@ class _Maker:
         name = Path(said).name.removesuffix(".world").removesuffix(".sdf")
         if not said or name.startswith("empty") or name in WORLDS:
             return name if name in WORLDS else "empty"
-        path = Path(said) if Path(said).is_absolute() else node_folder(node) / said
+        path = self._world_file(node, said)
         ours = next((mine for text, mine in WORLD_NAMES if text in name), "")
         if path.is_file():
             try:
@@ -193,6 +194,14 @@ class _Maker:
             raise BadInput(f"{node.where}: there is no world {path}{near}")
         self._launch.note(f"the world {said} is not here; the ground is empty")
         return "empty"
+
+    def _world_file(self, node: LaunchNode, said: str) -> Path:
+        """Where Gazebo finds a world: a relative one in its resource path and in the folders that packages export."""
+        set_by = dict(node.environment).get("GAZEBO_RESOURCE_PATH", os.environ.get("GAZEBO_RESOURCE_PATH", ""))
+        folders = [node_folder(node), *map(Path, filter(None, set_by.split(os.pathsep)))]
+        for package in self._packages.workspace.packages().values():
+            folders += _exported(package, "gazebo_media_path")
+        return next((each / said for each in folders if (each / said).is_file()), Path(said))
 
     def _package_of(self, path: Path) -> Path | None:
         own = self._packages.workspace.packages().values()

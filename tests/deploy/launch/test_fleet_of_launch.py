@@ -225,6 +225,24 @@ def test_a_robot_and_a_world_of_the_users_own_are_taken(workspace: LaunchWorkspa
         workspace.table(WORLD.format(gui="false", more=more))
 
 
+def test_a_relative_world_is_looked_for_where_gazebo_does(workspace: LaunchWorkspace) -> None:
+    """In the resource path and in what packages export, never as a file that its package should have."""
+    gazebo = '{env}<node name="gazebo" pkg="gazebo_ros" type="gzserver" args="-e ode worlds/{world}.world"/>'
+    empty = '<sdf version="1.6"><world name="own"/></sdf>'
+    made = workspace.fleet(gazebo.format(env="", world="shapes"))  # one that comes with Gazebo
+    assert made.table["world"] == "empty"
+    assert made.notes == ["the world worlds/shapes.world is not here; the ground is empty"]
+    named = workspace.write("elsewhere/worlds/named.world", empty)
+    path = f'<env name="GAZEBO_RESOURCE_PATH" value="/nowhere:{workspace.source}/elsewhere"/>'
+    assert workspace.table(gazebo.format(env=path, world="named"))["world"] == str(named)
+    exported = workspace.write("robots/media/worlds/own.world", empty)
+    workspace.write(
+        "robots/package.xml",
+        '<package><name>robots</name><export><gazebo_ros gazebo_media_path="${prefix}/media"/></export></package>',
+    )
+    assert workspace.table(gazebo.format(env="", world="own"))["world"] == str(exported)
+
+
 def test_well_known_nodes_are_services_of_ours_or_need_none(workspace: LaunchWorkspace) -> None:
     workspace.write("robots/maps/map.yaml", "image: map.pgm\n")
     made = workspace.fleet("""
