@@ -33,7 +33,7 @@ from services.script.loader import SITE_PACKAGES, Keyboard, ScriptLoader, loop_p
 from services.script.process import set_kernel
 from services.script.script_time import ScriptTime, datetime_module, time_module
 from services.script.source import PASS
-from services.script.turn_threading import queue_module, threading_module
+from services.script.turn_threading import queue_module, thread_module, threading_module
 from services.script.turns import place_of
 from services.script.workspace import Workspace, workspace_of
 
@@ -136,6 +136,7 @@ def _loader(file: Path, options: dict[str, Any], kernel: ScriptKernel, workspace
     if kernel.turns is not None:
         imported = pin_randomness(options["seed"], options["name"] or file.stem)
         modules["threading"] = threading_module(kernel.turns)
+        modules["_thread"] = thread_module(modules["threading"])
         modules["queue"] = queue_module(modules["threading"], modules["time"], builtins.__import__)
         read_line = _outside_input(kernel)
         sys.stdin = Keyboard(sys.stdin, kernel.outside)

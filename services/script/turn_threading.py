@@ -1,10 +1,12 @@
-"""The modules ``threading`` and ``queue`` of a script in lockstep: what waits ends its turn."""
+"""The modules ``threading``, ``_thread`` and ``queue`` of a script in lockstep: what waits ends its turn."""
 
 from __future__ import annotations
 
+import _thread
 import importlib.util
 import threading as real_threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import ModuleType
 from typing import Any
 
@@ -207,6 +209,28 @@ def threading_module(turns: TurnThreads) -> ModuleType:
     made.__dict__.update(real_threading.__dict__)
     for each in (Lock, RLock, Condition, Event, Semaphore, BoundedSemaphore, Thread, Timer):
         setattr(made, each.__name__, each)
+    return made
+
+
+def thread_module(threading: ModuleType) -> ModuleType:
+    """The module ``_thread``, Python 2's ``thread``, whose threads and locks are those of this ``threading``."""
+
+    def start_new_thread(
+        function: Callable[..., Any], args: tuple[Any, ...], kwargs: Mapping[str, Any] | None = None
+    ) -> int:
+        def run() -> None:
+            with suppress(SystemExit):  # what exit() raises
+                function(*args, **(kwargs or {}))
+
+        thread = threading.Thread(target=run, daemon=True)
+        thread.start()
+        return int(thread.ident)
+
+    made = ModuleType("_thread", _thread.__doc__)
+    made.__dict__.update(_thread.__dict__)
+    made.__dict__.update(start_new_thread=start_new_thread, start_new=start_new_thread)
+    made.__dict__.update(allocate_lock=threading.Lock, allocate=threading.Lock, LockType=threading.Lock)
+    made.__dict__.update(RLock=threading.RLock)
     return made
 
 

@@ -11,7 +11,7 @@ from messages.base import decoder
 from messages.std import Float64
 from services.script.api import ServiceRefused, ServiceUnavailable, TimeMovedBackwards
 from services.script.kernel import ScriptKernel
-from services.script.turn_threading import queue_module, threading_module
+from services.script.turn_threading import queue_module, thread_module, threading_module
 from tests.services.script.lockstep_scripts import Body, number, run_scripts
 
 MS = 1_000_000
@@ -234,6 +234,29 @@ def test_threads_and_queues_of_a_script_take_turns() -> None:
     assert first[-1] == "empty"
     assert any(line.startswith("timer at 30") for line in first)
     assert any(line.startswith("notified at") for line in first)
+
+
+def test_threads_of_the_module_thread_take_turns() -> None:
+    def body(kernel: ScriptKernel, written: list[str]) -> None:
+        assert kernel.turns is not None
+        low = thread_module(threading_module(kernel.turns))
+        lock = low.allocate_lock()
+
+        def drive(name: str, period: int = 10) -> None:
+            for _ in range(3):
+                with lock:
+                    written.append(f"{name} at {kernel.now() // MS}")
+                kernel.sleep_until(kernel.now() + period * MS)
+            low.exit()
+
+        first = low.start_new_thread(drive, ("a",))
+        assert first != low.start_new_thread(drive, ("b",), {"period": 20})
+        kernel.sleep_until(kernel.now() + 100 * MS)
+        assert not lock.locked()
+
+    found = run_scripts({"body": body}, 60, seed=3)["body"]
+    assert found == run_scripts({"body": body}, 60, seed=4)["body"]
+    assert sorted(found) == ["a at 0", "a at 10", "a at 20", "b at 0", "b at 20", "b at 40"]
 
 
 def test_others_go_on_while_a_thread_waits_for_something_outside() -> None:
