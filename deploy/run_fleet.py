@@ -7,7 +7,6 @@ import os
 import signal
 from collections.abc import Sequence
 from datetime import datetime
-from pathlib import Path
 
 import msgspec
 
@@ -24,7 +23,7 @@ from deploy.report.write import read_measurements, write_report
 from deploy.rosparam import fleet_parameter_tree, write_parameter_tree
 from deploy.run_folder import ROSPARAM_FILE
 from deploy.service_parameters import RunOptions, fleet_endpoint, has_rosparam, listen_endpoints
-from deploy.supervisor.log_file import log_name
+from deploy.supervisor.log_file import last_line, log_name
 from deploy.supervisor.node import RunMonitor, supervisor_node
 from deploy.supervisor.reaper import Reaper
 from deploy.supervisor.spawner import Spawner
@@ -109,7 +108,8 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         if outcome.ended != "graded":
             screen.print_line(f"the fleet ended: {outcome.reason}")
         for name in outcome.failed_on_stop:
-            screen.print_line(f"{name} ended with an error: {_last_line(options.folder / 'logs' / log_name(name))}")
+            log = options.folder / "logs" / log_name(name)
+            screen.print_line(f"{name} ended with an error: {last_line(log) or f'see {log}'}")
         found = (
             overrides_note(options.overrides)
             + fleet_notes(fleet)
@@ -139,15 +139,6 @@ async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         loop.add_signal_handler(number, interrupt)
     return await supervisor.run()
-
-
-def _last_line(log: Path) -> str:
-    """The last line of a process, else the path of its log."""
-    try:
-        lines = log.read_text(errors="replace").splitlines()
-    except OSError:
-        lines = []
-    return lines[-1] if lines else f"see {log}"
 
 
 def _write_report(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 MAX_LOG_BYTES = 8 << 20
@@ -24,6 +24,7 @@ MAX_SHOWN_LINES = 100
 """Lines of one chunk that are shown on the screen: a process that prints megabytes does not bury it."""
 
 _CHUNK = 1 << 16
+_TRACEBACK = "Traceback (most recent call last):"
 NOTE = "--- "
 """How a line of the supervisor's own begins."""
 
@@ -61,15 +62,29 @@ def append_note(path: Path, text: str) -> None:
 
 
 def last_line(path: Path) -> str:
-    """The last line that the process itself has written, at most LONGEST characters; empty when there is none."""
+    """What the process itself has said last, at most MAX_LINE_LENGTH characters; empty when there is nothing.
+
+    That is its last line, or the error that ended it, where its hooks have printed something after the traceback.
+    """
     try:
         with path.open("rb") as file:
             file.seek(max(0, path.stat().st_size - _CHUNK))
             lines = file.read(_CHUNK).decode(errors="replace").splitlines()
     except OSError:
         return ""
-    own = (line.strip() for line in reversed(lines) if line.strip() and not line.startswith(NOTE))
-    return next(own, "")[:MAX_LINE_LENGTH]
+    while lines and (not lines[-1].strip() or lines[-1].startswith(NOTE)):
+        lines.pop()
+    if not lines:
+        return ""
+    begin = next((at for at in range(len(lines), 0, -1) if lines[at - 1].startswith(NOTE)), 0)
+    return (_error(lines[begin:]) or lines[-1].strip())[:MAX_LINE_LENGTH]
+
+
+def _error(lines: Sequence[str]) -> str:
+    """The error of the last traceback of a main program; those of its callbacks and threads end no process."""
+    begun = (at for at in range(len(lines) - 2, -1, -1) if lines[at] == _TRACEBACK)
+    at = next((at for at in begun if lines[at + 1].endswith(", in <module>")), None)
+    return "" if at is None else next((line.strip() for line in lines[at + 1 :] if line[:1].strip()), "")
 
 
 def _read(pipe: int, waiting: queue.Queue[bytes | None]) -> None:

@@ -8,6 +8,14 @@ import pytest
 
 from deploy.supervisor.log_file import MAX_LINE_LENGTH, append_note, last_line
 
+ERROR = """Traceback (most recent call last):
+  File "drive.py", line 3, in <module>
+    gain = gains["gain"]
+           ~~~~~^^^^^^^^
+KeyError: 'gain'
+"""
+CAUGHT = ERROR.replace("<module>", "scan")
+
 
 @pytest.mark.parametrize(
     ("written", "words"),
@@ -17,6 +25,10 @@ from deploy.supervisor.log_file import MAX_LINE_LENGTH, append_note, last_line
         ("half a line", "half a line"),
         ("\n--- a ready\n", ""),
         ("\xff\xfe bytes\n", "\xff\xfe bytes"),
+        (f"{ERROR}[INFO] [3.000000]: the robot stops\n\n", "KeyError: 'gain'"),
+        (f"ValueError: one\n\nDuring handling, another one occurred:\n\n{ERROR}done\n", "KeyError: 'gain'"),
+        (f"[ERROR] [3.000000]: bad callback: <function scan>\n{CAUGHT}no wall\n", "no wall"),
+        (f"{ERROR}--- a backing off: exit status 1\nno wall\n", "no wall"),
         ("x" * (2 * MAX_LINE_LENGTH), "x" * MAX_LINE_LENGTH),
     ],
 )
