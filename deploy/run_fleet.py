@@ -166,6 +166,7 @@ def _write_report(
             topology=fleet.run.topology,
             changes=monitor.change_figures(fleet.change, measured.sim_seconds),
             absent=monitor.absent_nodes,
+            failed=outcome.failed_nodes,
             lag_s=monitor.lag_s,
             notes=found,
             parameters=parameters,

@@ -294,6 +294,8 @@ def _parse_xml(urdf: str) -> ElementTree.Element:
     except UnicodeEncodeError as error:
         raise BadUrdf(f"the URDF is not XML: {error}") from None
     robot = builder.close()
+    if robot.tag == "urdf" and len(robot) == 1:  # a frame around the robot, which joint_state_publisher takes
+        robot = robot[0]
     if robot.tag != "robot":
         raise BadUrdf(f"line {line_of(robot)}: the URDF's root is <{robot.tag[:40]}>, not <robot>")
     return robot

@@ -19,8 +19,9 @@ import click
 from deploy.commands.completion import PROCESS
 from deploy.commands.options import filter_option, fits, fleet_option, json_option
 from deploy.live.output import printable
-from deploy.run_folder import latest_run_folder, read_state
-from deploy.supervisor.log_file import NOTE, log_name
+from deploy.report.record import REPORT_FILE
+from deploy.run_folder import SUPERVISOR_LOG, latest_run_folder, read_state
+from deploy.supervisor.log_file import NOTE, last_line, log_name
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.network_address import fleet_router, select_fleet
@@ -38,9 +39,9 @@ def down_command(port: int | None, every: bool) -> None:
     """Stop a running fleet, in reverse start order, and write its report.
 
     This takes a second or two, and 60 s at most, even if processes hang. A supervisor that takes longer is killed with
-    its processes; the report is then missing and the exit status 1.
+    its processes. The exit status is 1 if the report is missing.
     """
-    killed = False
+    complete = True
     handles = [
         (each, handle)
         for each in (running_fleets() if every else (select_fleet(port),))
@@ -54,9 +55,12 @@ def down_command(port: int | None, every: bool) -> None:
             sys.stderr.write(f"{fleet.fleet} did not stop: killing its supervisor\n")
             signal.pidfd_send_signal(handle, signal.SIGKILL)
             _wait_for_exit(handle, 5.0)
-            killed = True
         sys.stdout.write(f"{fleet.fleet} has stopped; results in {fleet.folder}\n")
-    if killed:
+        if not (Path(fleet.folder) / REPORT_FILE).exists():
+            complete = False
+            why = last_line(Path(fleet.folder) / SUPERVISOR_LOG).removeprefix("elea: ")
+            sys.stderr.write(f"elea: {why or f'no report in {fleet.folder}: see the terminal of its ./elea up'}\n")
+    if not complete:
         raise SystemExit(1)
 
 

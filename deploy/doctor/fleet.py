@@ -23,7 +23,7 @@ from services.runtime.graph import ALL_PINGS, ASKS_HEALTH, Entity
 from services.runtime.transport.api import PendingReplies, Reply, Transport
 
 OBSERVATION_S = 2.0
-"""Wall time for which topics are watched, at most: until all nodes have answered or beaten, each once a second."""
+"""Wall time for which topics are watched, at most: until all nodes and bases have told how they are."""
 MIN_OBSERVATION_S = 0.3
 """Wall time for which they are watched at least."""
 MIN_SAMPLES = 10
@@ -216,8 +216,8 @@ def disk(fleet: str, folder: str) -> Iterator[Finding]:
 
 
 def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = OBSERVATION_S) -> FleetObservation:
-    """Ask each node for its health and listen to the fleet until each has answered, or beaten, at most for ``seconds``,
-    which are enough for a busy one as well.
+    """Ask each node for its health and listen to the fleet until each has answered, or beaten, and each base has told
+    its state, at most for ``seconds``, which are enough for a busy one as well.
 
     Of the topics, those are heard that could be sent too fast: the simulation's own follow from its ticks, and to read
     them all would cost a large fleet more than its robots do. A topic on which a node hears a program without numbers
@@ -235,11 +235,14 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
     fleet = UntypedSubscriber(link, FLEET_STATE.name, latched=True)
     health = Subscriber(HEALTH, HEALTH.name, key_of(HEALTH.name), link)
     listeners = {name: UntypedSubscriber(link, name) for name in _observable_topics(entities)}
+    silent_bases = {name for name in listeners if name.endswith(f"/{BASE_STATUS.name}")}
     read_clock, read_base, read_fleet = decoder(Clock), decoder(BaseStatus), decoder(FleetState)
     seen, times, expected, least = FleetObservation(), [], set(nodes_with_loop(entities)), MIN_OBSERVATION_S
     asked: PendingReplies | None = link.query_async(ALL_PINGS, ASKS_HEALTH, seconds, notify=link.wake)
     began = time.monotonic()
-    while (seen_for := time.monotonic() - began) < (seconds if expected - seen.heartbeats.keys() else least):
+    while (seen_for := time.monotonic() - began) < (
+        seconds if silent_bases or expected - seen.heartbeats.keys() else least
+    ):
         link.wait(clock.raw)
         for name, each in listeners.items():
             for sample in each.drain():
@@ -256,6 +259,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
                         seen.bases[name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(sample.payload)
                     except WrongPayload:
                         continue
+                    silent_bases.discard(name)
         for sample in clock.drain():
             try:
                 times.append(read_clock(sample.payload).clock.ns)

@@ -46,7 +46,7 @@ class ChangeFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """The supervisor's facts about a run."""
+    """The supervisor's facts about a run; ``failed`` are the nodes of processes that ended with an error."""
 
     fleet: str
     mode: str
@@ -60,6 +60,7 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     topology: str = ""
     changes: tuple[ChangeFigures, ...] = ()
     absent: tuple[str, ...] = ()
+    failed: tuple[str, ...] = ()
     lag_s: float = 0.0
     notes: tuple[str, ...] = ()
     parameters: dict[str, dict[str, EffectiveParameter]] = {}
@@ -150,6 +151,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
 
 def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
     """The run's figures out of both sources."""
+    lost, left = _members(facts, measured)
     return RunFigures(
         fleet=facts.fleet,
         mode=facts.mode,
@@ -164,8 +166,8 @@ def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
         messages_lost=measured.messages_lost,
         onlookers_lost=measured.onlookers_lost,
         restarts=facts.restarts,
-        members_lost=None if measured.members_lost is None else len(measured.members_lost),
-        members_left=len(measured.members_left),
+        members_lost=None if measured.members_lost is None else len(lost),
+        members_left=len(left),
         changes_missed=sum(each.made is False for each in facts.changes),
         nodes_absent=len(facts.absent),
         absent=facts.absent,
@@ -187,14 +189,22 @@ def named(names: Sequence[str], most: int = 3) -> str:
     return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
-def member_notes(measured: Measurements) -> tuple[str, ...]:
+def member_notes(facts: RunFacts, measured: Measurements) -> tuple[str, ...]:
     """A note on the members that lockstep lost, in words."""
+    lost, left = _members(facts, measured)
     found = []
-    if measured.members_lost:
-        found.append(f"lockstep went on without {named(measured.members_lost, MAX_NAMED)}: the run does not repeat")
-    if measured.members_left:
-        found.append(f"{named(measured.members_left, MAX_NAMED)} left lockstep before the end")
+    if lost:
+        found.append(f"lockstep went on without {named(lost, MAX_NAMED)}: the run does not repeat")
+    if left:
+        found.append(f"{named(left, MAX_NAMED)} left lockstep before the end")
     return tuple(found)
+
+
+def _members(facts: RunFacts, measured: Measurements) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The members that lockstep lost, and those that left it; one that failed takes leave, too, but is lost."""
+    lost, left = measured.members_lost or (), measured.members_left
+    failed = tuple(each for each in left if each in facts.failed and each not in lost)
+    return (*lost, *failed), tuple(each for each in left if each not in facts.failed)
 
 
 SCHEMA_FILE = Path(__file__).with_name("schema.json")

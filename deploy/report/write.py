@@ -37,7 +37,7 @@ def build_report(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Rep
         robots=measured.robots,
         checks=found,
         parameters=facts.parameters,
-        notes=(*facts.notes, *member_notes(measured), *real_time_notes(run, ok)),
+        notes=(*facts.notes, *member_notes(facts, measured), *real_time_notes(run, ok)),
         changes=facts.changes,
     )
 

@@ -73,7 +73,8 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 
     ``wall_seconds`` counts from the moment when simulation time could begin, from the start if that never came.
     ``failed_on_stop`` are the services that ended with an error when they were asked to end. ``containers_lost`` says
-    of each process of several nodes that ended when it should not have why it did, and which nodes it had.
+    of each process of several nodes that ended when it should not have why it did, and which nodes it had;
+    ``failed_nodes`` are the nodes of all processes that did.
     """
 
     ended: RunEnd
@@ -82,6 +83,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     restarts: int
     failed_on_stop: tuple[str, ...] = ()
     containers_lost: tuple[str, ...] = ()
+    failed_nodes: tuple[str, ...] = ()
 
 
 class SupervisorObserver(Protocol):
@@ -142,6 +144,7 @@ class Supervisor:
                 self._start(life)
             ended, reason = await self._end
             wall = time.monotonic() - self._clock_start
+            failed = tuple(name for life in self.processes.values() if life.losses for name in life.spec.names)
             await self._stop_all()
         finally:
             self.kill_all()
@@ -157,6 +160,7 @@ class Supervisor:
             wall_seconds=wall,
             restarts=restarts,
             failed_on_stop=complaints,
+            failed_nodes=failed,
             containers_lost=tuple(
                 f"the process {name} of {', '.join(life.spec.names)} has ended: {why}"
                 for name, life in self.processes.items()

@@ -14,6 +14,12 @@ from services.runtime.errors import BadInput
 
 METADATA_FILE = "metadata.yaml"
 VERSION = 9
+_KEYS = (
+    *("version", "storage_identifier", "relative_file_paths", "duration", "starting_time", "message_count"),
+    "topics_with_message_count",
+)
+_LATER_KEYS = {"compression_format": 3, "compression_mode": 3, "files": 5, "custom_data": 6, "ros_distro": 8}
+"""What rosbag2 reads in every metadata.yaml, and what it reads from a version on."""
 MAX_METADATA_SIZE = 1 << 22
 """Maximum bytes of a metadata.yaml; a topic takes about 500, and 0.3 ms to read."""
 
@@ -78,7 +84,8 @@ def read_file_list(folder: Path) -> FileList:
         if file.stat().st_size > MAX_METADATA_SIZE:
             return FileList(None, f"{file} has {file.stat().st_size} bytes, the limit is {MAX_METADATA_SIZE}")
         tree: Any = read_yaml(file.read_text(encoding="utf-8"), f"{file} is damaged")
-        names = tree["rosbag2_bagfile_information"]["relative_file_paths"]
+        found = tree["rosbag2_bagfile_information"]
+        names = found["relative_file_paths"]
     except OSError as error:
         return FileList(None, f"{file} cannot be read: {error.strerror}")
     except BadInput as error:
@@ -90,7 +97,18 @@ def read_file_list(folder: Path) -> FileList:
     if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
         return FileList(None, f"{file} is damaged: relative_file_paths is not a list of names")
     # rosbag2 wrote them with the folder's own name before version 4 of the file.
-    return FileList([each.removeprefix(f"{folder.resolve().name}/") for each in names])
+    return FileList([each.removeprefix(f"{folder.resolve().name}/") for each in names], _cut(file, found))
+
+
+def _cut(file: Path, found: Mapping[str, Any]) -> str:
+    """What shows that the end of the file is missing; empty when nothing does."""
+    version = found.get("version")
+    later = [key for key, since in _LATER_KEYS.items() if isinstance(version, int) and version >= since]
+    absent = [key for key in (*_KEYS, *later) if key not in found]
+    files, names = found.get("files"), found["relative_file_paths"]
+    if not absent and isinstance(files, list) and "files" in later and len(files) < len(names):
+        return f"{file} is cut or damaged: it tells of {len(files)} of {len(names)} files"
+    return f"{file} is cut or damaged: it has no {absent[0]}" if absent else ""
 
 
 def _topic_entry(channel: Channel, count: int) -> dict[str, Any]:

@@ -147,15 +147,22 @@ def _list_files(folder: Path) -> tuple[list[Path], tuple[str, ...]]:
         raise BadInput(f"{folder} is not a bag: {what}")
     for file in present:
         _check_magic(file)
-    named = [folder / name for name in listed.names or ()]
+    named = [_unpacked(folder / name, present) for name in listed.names or ()]
     missing = [listed.problem] if listed.problem else []
     missing += [
-        f"{each} is missing, though {METADATA_FILE} names it: was the bag copied whole?"
+        f"{each} is compressed as a whole: unpack it first, with 'zstd -d'"
+        if each.suffix == ".zstd" and each.is_file()
+        else f"{each} is missing, though {METADATA_FILE} names it: was the bag copied whole?"
         for each in named
         if each not in present
     ]
     in_order = [each for each in named if each in present]
     return in_order if set(present) <= set(named) else present, tuple(missing)
+
+
+def _unpacked(named: Path, present: list[Path]) -> Path:
+    """The file that ``named`` was unpacked to, if it is there."""
+    return named.with_suffix("") if named.suffix == ".zstd" and named.with_suffix("") in present else named
 
 
 def _check_magic(path: Path) -> None:

@@ -106,6 +106,29 @@ def test_missed_bound_is_exit_status_one(terminal: FleetCommandLine) -> None:
     assert not (terminal.results / "report.png").exists()
 
 
+STUMBLES = """
+from services.runtime import main
+
+
+def run(ctx):
+    for tick in ctx.ticks():
+        if tick.time >= 500_000_000:
+            raise ValueError("the left wheel is missing")
+
+
+main(run, name="stumbles", about="Raises after half a second.", rate=10)
+"""
+
+
+def test_a_run_in_lockstep_whose_controller_raised_does_not_pass(terminal: FleetCommandLine) -> None:
+    (terminal.folder / "stumbles.py").write_text(STUMBLES)
+    fleet = Path(terminal.fleet("lockstep", "goals", "[0.3, 0]"))
+    fleet.write_text(fleet.read_text() + '[[service]]\nkind = "stumbles.py"\n')
+    out = terminal.run("up", str(fleet), "--no-picture", "--report", str(terminal.results), status=1)
+    assert "missed: members_lost" in out
+    assert "lockstep went on without /stumbles: the run does not repeat" in out
+
+
 def test_interrupt_ends_it_with_a_report_of_what_was_driven(terminal: FleetCommandLine) -> None:
     fleet = terminal.fleet("real", "goals", "[50, 0]")
     up = terminal.start("up", fleet, "--report", str(terminal.results), "--no-view", "--no-picture")

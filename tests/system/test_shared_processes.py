@@ -99,7 +99,7 @@ def test_the_run_is_the_same_and_a_crash_takes_all_nodes_of_the_process(terminal
         "control: /p3dx/own failed: RuntimeError: out of luck; its process ends, and with it /tb3_0/waypoint, "
         "/tb3_1/waypoint"
     )
-    assert crashed["run"]["members_lost"] + crashed["run"]["members_left"] == 3
+    assert (crashed["ok"], crashed["run"]["members_lost"]) == (False, 3)
     assert "control (the process of /tb3_0/waypoint, /tb3_1/waypoint, /p3dx/own) failed" in said
     assert "RuntimeError: out of luck" in (terminal.folder / "crashed" / "logs" / "control.log").read_text()
 

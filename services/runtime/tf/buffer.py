@@ -6,6 +6,7 @@ Frame names have no leading slash; one is removed, as in tf.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import isfinite
 from typing import NamedTuple
 
 from messages.geometry import TransformStamped
@@ -168,13 +169,15 @@ class TransformBuffer:
     def _child(self, transform: TransformStamped) -> str | None:
         """The child's name of a transform that makes sense, else None."""
         child, parent = transform.child_frame_id.removeprefix("/"), transform.header.frame_id.removeprefix("/")
-        q = transform.transform.rotation
+        q, t = transform.transform.rotation, transform.transform.translation
         square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
         if not child or not parent:
             reason = f"a transform from {parent!r} to {child!r}: a frame without a name"
         elif child == parent:
             reason = f"frame {child!r} is its own parent"
-        elif abs(square - 1) > NOT_UNIT:
+        elif not (isfinite(t.x) and isfinite(t.y) and isfinite(t.z)):
+            reason = f"frame {child!r}: its translation is not finite: {t.x:g}, {t.y:g}, {t.z:g}"
+        elif not abs(square - 1) <= NOT_UNIT:  # nor is NaN
             reason = f"frame {child!r}: its rotation is not a unit quaternion, its squared length is {square:g}"
         else:
             return child

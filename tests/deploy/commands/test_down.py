@@ -66,3 +66,15 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
     finally:
         terminal.start("down").communicate(timeout=90)
         up.communicate(timeout=30)
+
+
+def test_down_says_that_the_report_is_missing(tmp_path: Path) -> None:
+    """As on a full disk: the grader can't write what it measured."""
+    terminal = FleetCommandLine(tmp_path)
+    terminal.run("up", terminal.fleet("real", "never", ""), "--detach", "--no-saved", "--report", str(terminal.results))
+    (terminal.results / "measurements.json").mkdir()
+    down = terminal.start("down")
+    out, err = down.communicate(timeout=90)
+    assert (down.returncode, out) == (1, f"one has stopped; results in {terminal.results}\n")
+    assert "elea: no report: " in err
+    assert "measurements.json" in err

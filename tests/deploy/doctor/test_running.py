@@ -100,6 +100,34 @@ def test_a_flood_is_counted_by_its_sender_over_the_network(tmp_path: Path) -> No
     assert told["process sim"].state == "fail"
 
 
+def test_a_base_that_tells_its_state_later_than_all_nodes_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A base does so five times a second of simulation time, which may run slowly."""
+    monkeypatch.setattr(doctor_fleet, "MIN_OBSERVATION_S", 0.0)
+    with Network(tmp_path) as net, net.node("sim") as node, net.node("eye") as eye:
+        base = node.advertise(BASE_STATUS, "/tb3_0/base_status")
+        wait_until(lambda: any(each.name == "/tb3_0/base_status" for each in snapshot(eye.transport)), 10.0, "the base")
+        publications, waits = [each for each in snapshot(eye.transport) if each.kind == "pub"], 0
+
+        class Driven:
+            """The transport of the onlooker; the base tells its state when it has waited for a while."""
+
+            def __getattr__(self, name: str) -> object:
+                return getattr(eye.transport, name)
+
+            def wait(self, inlet: object) -> None:
+                nonlocal waits
+                waits += 1
+                if waits > 3:
+                    base.publish(BaseStatus(commands=41, stale_dropped=159))
+                eye.transport.wait(inlet)  # type: ignore[arg-type]
+
+        seen = observe_fleet(Driven(), publications, 10.0)  # type: ignore[arg-type]
+        assert "159 of 200 commands" in next(check_fleet(publications, seen)).why
+        assert seen.wall < 10.0
+
+
 def test_the_disk_of_the_running_fleet_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert [each.state for each in doctor_fleet.disk("lab", str(tmp_path))] == ["ok"]
     assert [each.state for each in doctor_fleet.disk("lab", str(tmp_path / "gone"))] == ["fail"]

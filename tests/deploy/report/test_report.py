@@ -328,7 +328,10 @@ def test_a_robot_without_a_plan_or_a_base_has_no_checks_of_them(measured: Measur
 
 
 def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measurements) -> None:
-    """One that took leave is told of; without lockstep neither is asked for, and in lockstep it must be known."""
+    """One that took leave is told of, and is lost if its process failed.
+
+    Without lockstep neither is asked for, and in lockstep it must be known.
+    """
     lost = msgspec.structs.replace(measured, members_lost=("/tb3_0/waypoint",))
     report = build_report(lost, FACTS, {})
     assert [(each.name, each.value) for each in report.checks if not each.ok] == [("members_lost", 1)]
@@ -337,6 +340,17 @@ def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measuremen
     left = build_report(msgspec.structs.replace(measured, members_left=("/teleop",)), FACTS, {})
     assert (left.ok, left.run.members_left) == (True, 1)
     assert left.notes == ("/teleop left lockstep before the end",)
+    failed = build_report(
+        msgspec.structs.replace(measured, members_left=("/teleop", "/own")),
+        msgspec.structs.replace(FACTS, failed=("/own", "/panel")),
+        {},
+    )
+    assert [(each.name, each.value) for each in failed.checks if not each.ok] == [("members_lost", 1)]
+    assert failed.run.members_left == 1
+    assert failed.notes == (
+        "lockstep went on without /own: the run does not repeat",
+        "/teleop left lockstep before the end",
+    )
     unknown = msgspec.structs.replace(measured, members_lost=None)
     assert [each.name for each in build_report(unknown, FACTS, {}).checks if not each.ok] == ["members_lost"]
     assert build_report(unknown, msgspec.structs.replace(FACTS, mode="real"), {}).ok

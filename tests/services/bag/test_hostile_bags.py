@@ -254,6 +254,32 @@ def test_what_metadata_names_and_is_missing_is_told(tmp_path: Path) -> None:
     assert open_bag(tmp_path / "bag").known_problems == ()
 
 
+@pytest.mark.slow
+def test_metadata_whose_end_is_missing_is_told_and_compressed_files_are_known(tmp_path: Path) -> None:
+    """Each of these is YAML, and most name all files: rosbag2 refuses them."""
+    with BagWriter(tmp_path / "bag", max_duration=0.1) as made:
+        for tick in range(4):
+            made.write(channel_of("/t", Twist, Quality.SENSOR), tick, START + tick * S // 10, tick, EMPTY[1])
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    whole = metadata.read_text()
+    for text, reason in (
+        (whole[: whole.index("  files:")], "is cut or damaged: it has no files"),
+        (whole[: whole.index("  - path: bag_1")], "is cut or damaged: it has no custom_data"),
+        (whole[: whole.index("  ros_distro")], "is cut or damaged: it has no ros_distro"),
+        (whole.replace("version: 9", "version: 4").replace("storage_identifier", "x"), "it has no storage_identifier"),
+        (whole[: whole.index("  - path: bag_1")] + "  custom_data: {}\n  ros_distro: x\n", "it tells of 1 of"),
+    ):
+        metadata.write_text(text)
+        assert [reason in each for each in open_bag(tmp_path / "bag").known_problems] == [True], (reason, text[-60:])
+    metadata.write_text(whole.replace(".mcap", ".mcap.zstd"))  # of a bag that was unpacked
+    unpacked = bag_info(open_bag(tmp_path / "bag"))
+    assert (unpacked.messages, unpacked.troubles) == (4, ())
+    packed = (tmp_path / "bag" / "bag_1.mcap").rename(tmp_path / "bag" / "bag_1.mcap.zstd")
+    assert bag_info(open_bag(tmp_path / "bag")).troubles == (
+        f"{packed} is compressed as a whole: unpack it first, with 'zstd -d'",
+    )
+
+
 def test_names_of_files_that_are_no_numbers(tmp_path: Path) -> None:
     assert [file_number(Path(name)) for name in ("x_².mcap", "x_12.mcap", "x_٣.mcap", "x.mcap")] == [-1, 12, -1, -1]
     (tmp_path / "x_².mcap").mkdir()

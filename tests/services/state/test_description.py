@@ -104,6 +104,16 @@ def test_what_is_no_robot_is_refused(urdf: str, told: str) -> None:
         parse_urdf(urdf)
 
 
+def test_a_robot_within_an_element_urdf_is_read_as_joint_state_publisher_does() -> None:
+    robot = robot_urdf(joint_urdf("arm/lift", "continuous", "a", "b"))
+    start = robot.index("<robot")
+    framed = f"{robot[:start]}<urdf>\n{robot[start:]}\n</urdf>"
+    assert [each.name for each in parse_urdf(framed).joints] == ["arm/lift"]
+    for odd in ("<urdf/>", "<urdf><link name='a'/></urdf>", f"<urdf>{robot[start:] * 2}</urdf>"):
+        with pytest.raises(BadUrdf, match="not <robot>"):
+            parse_urdf(odd)
+
+
 def test_what_ros_takes_is_taken_and_what_does_nothing_is_told() -> None:
     """Each stands in files of others: urdfdom reads them, and robot_state_publisher tells the frames."""
     fixed = joint_urdf("j", "fixed", "a", "b")

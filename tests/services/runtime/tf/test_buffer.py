@@ -189,6 +189,16 @@ def test_a_new_time_forgets_what_moves_and_keeps_what_is_fixed(robot: TransformB
             ),
             "not a unit quaternion",
         ),
+        (
+            TransformStamped(
+                header=Header(frame_id="world"),
+                child_frame_id="base",
+                transform=Transform(rotation=Quaternion(x=math.nan)),
+            ),
+            "not a unit quaternion",
+        ),
+        (tf("world", "base", at(math.nan)), "not finite"),
+        (tf("world", "base", at(math.inf)), "not finite"),
     ],
 )
 def test_nonsense_is_refused_and_counted(transform: TransformStamped, reason: str) -> None:
