@@ -51,7 +51,8 @@ _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 class ForkedProcess(subprocess.Popen[str]):
     """``python -m MODULE`` with some arguments, for modules that ``is_forkable``; its standard input is empty.
 
-    Its parent is the server, which dies with this process. Without ``log``, its output and errors are pipes.
+    Its parent is the server, which dies with this process. Without ``log``, its output and errors are pipes. With the
+    path of a ``terminal``, that is its three streams instead, and controls the session that it leads.
     """
 
     def __init__(
@@ -62,7 +63,9 @@ class ForkedProcess(subprocess.Popen[str]):
         env: Mapping[str, str],
         log: IO[Any] | int = subprocess.PIPE,
         start_new_session: bool = False,
+        terminal: str = "",
     ) -> None:
+        self._terminal = terminal
         with _starting:  # tests start fleets side by side, from threads
             _server()
         errors = subprocess.STDOUT if log != subprocess.PIPE else subprocess.PIPE
@@ -84,7 +87,7 @@ class ForkedProcess(subprocess.Popen[str]):
         self._link.connect(_server()[0])
         _, server = _server()
         own = {**env, PARENT: str(server)} if PARENT in env else dict(env)
-        asked = {"arguments": args, "cwd": str(cwd), "env": own, "new_session": new_session}
+        asked = {"arguments": args, "cwd": str(cwd), "env": own, "new_session": new_session, "terminal": self._terminal}
         socket.send_fds(self._link, [json.dumps(asked).encode() + b"\n"], [in_read, out_write, err_write])
         for each in (in_read, *((out_write, err_write) if out_read != -1 else ())):
             os.close(each)
@@ -207,6 +210,8 @@ def become(asked: dict[str, Any]) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if asked["new_session"]:
         os.setsid()
+    if terminal := asked.get("terminal"):
+        _take_terminal(terminal)
     os.chdir(asked["cwd"])
     os.environ.clear()
     os.environ.update(asked["env"])
@@ -226,6 +231,15 @@ def become(asked: dict[str, Any]) -> None:
             with suppress(OSError, ValueError):
                 each.flush()
         os._exit(status)
+
+
+def _take_terminal(path: str) -> None:
+    """Read and write a terminal; the first that the leader of a session opens becomes that session's."""
+    descriptor = os.open(path, os.O_RDWR)
+    for each in STREAMS:
+        os.dup2(descriptor, each)
+    os.close(descriptor)
+    sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
 
 
 def _tell_ended(links: dict[int, socket.socket]) -> None:
