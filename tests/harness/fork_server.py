@@ -3,7 +3,8 @@
 A verb takes a fifth of a second to start Python and to import, a service up to half a second, and most of them do
 little else. All but that is as with ``python -m deploy``: a process of its own, with its environment, folder, streams,
 signals and exit status. What a forked verb starts of the project is forked, too; ``tests.harness.fork_children`` has
-how. How long the imports take is measured elsewhere.
+how. Where it replaces itself by a service, as ``bag record`` does, the same process goes on as that service. How long
+the imports take is measured elsewhere.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 from services.catalog import service_kinds
 from services.runtime.process import PARENT, ROOT
 from services.script import python2
-from tests.harness.fork_children import HASHES, fork_children
+from tests.harness.fork_children import HASHES, fixes_same_hashes, fork_children, is_forkable
 
 STREAMS = (0, 1, 2)
 _OTHERS = ("logger",)
@@ -45,13 +46,15 @@ _LOADED = (
     "services.script.run",
 )
 _starting = threading.Lock()
+_execute = os.execve
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 class ForkedProcess(subprocess.Popen[str]):
     """``python -m MODULE`` with some arguments, for modules that ``is_forkable``; its standard input is empty.
 
-    Its parent is the server, which dies with this process. Without ``log``, its output and errors are pipes.
+    Its parent is the server, which dies with this process. Without ``log``, its output and errors are pipes. With the
+    path of a ``terminal``, that is its three streams instead, and controls the session that it leads.
     """
 
     def __init__(
@@ -62,7 +65,9 @@ class ForkedProcess(subprocess.Popen[str]):
         env: Mapping[str, str],
         log: IO[Any] | int = subprocess.PIPE,
         start_new_session: bool = False,
+        terminal: str = "",
     ) -> None:
+        self._terminal = terminal
         with _starting:  # tests start fleets side by side, from threads
             _server()
         errors = subprocess.STDOUT if log != subprocess.PIPE else subprocess.PIPE
@@ -84,7 +89,7 @@ class ForkedProcess(subprocess.Popen[str]):
         self._link.connect(_server()[0])
         _, server = _server()
         own = {**env, PARENT: str(server)} if PARENT in env else dict(env)
-        asked = {"arguments": args, "cwd": str(cwd), "env": own, "new_session": new_session}
+        asked = {"arguments": args, "cwd": str(cwd), "env": own, "new_session": new_session, "terminal": self._terminal}
         socket.send_fds(self._link, [json.dumps(asked).encode() + b"\n"], [in_read, out_write, err_write])
         for each in (in_read, *((out_write, err_write) if out_read != -1 else ())):
             os.close(each)
@@ -200,13 +205,19 @@ def _fork(listener: socket.socket, links: dict[int, socket.socket]) -> None:
     become(json.loads(message))
 
 
-def become(asked: dict[str, Any]) -> None:
+def become(asked: dict[str, Any]) -> NoReturn:
     """Be the process that was asked for, to its end; its streams are in place."""
     signal.set_wakeup_fd(-1)
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    for number in (signal.SIGCHLD, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.execve = _execute_or_become  # type: ignore[assignment]
+    os.execv = lambda program, words: _execute_or_become(program, words, os.environ)  # type: ignore[assignment]
     if asked["new_session"]:
         os.setsid()
+    if terminal := asked.get("terminal"):
+        _take_terminal(terminal)
     os.chdir(asked["cwd"])
     os.environ.clear()
     os.environ.update(asked["env"])
@@ -226,6 +237,26 @@ def become(asked: dict[str, Any]) -> None:
             with suppress(OSError, ValueError):
                 each.flush()
         os._exit(status)
+
+
+def _execute_or_become(program: Any, words: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
+    """Replace this process; by one of the project without starting Python again."""
+    words, folders = list(words), set(environment.get("PYTHONPATH", "").split(os.pathsep))
+    ours = words[:3] == [sys.executable, "-P", "-m"] and is_forkable(words[3]) and folders == {str(ROOT)}
+    # A verb that starts processes is copied at its begin, which is for a process without threads.
+    forks = words[3:4] == ["deploy"] and len(os.listdir("/proc/self/task")) > 1
+    if ours and not forks and fixes_same_hashes(environment):
+        become({"arguments": words[3:], "cwd": os.getcwd(), "env": dict(environment), "new_session": False})
+    _execute(program, words, environment)
+
+
+def _take_terminal(path: str) -> None:
+    """Read and write a terminal; the first that the leader of a session opens becomes that session's."""
+    descriptor = os.open(path, os.O_RDWR)
+    for each in STREAMS:
+        os.dup2(descriptor, each)
+    os.close(descriptor)
+    sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
 
 
 def _tell_ended(links: dict[int, socket.socket]) -> None:

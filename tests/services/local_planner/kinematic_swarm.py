@@ -55,8 +55,10 @@ def drive(starts: Sequence[Point], goals: Sequence[Point], seed: int, limit: flo
         nearest = min(nearest, float(apart.min()) - 2 * BODY)
         now = tick * TICK_NS
         for number, (planner, tracker) in enumerate(zip(planners, trackers, strict=True)):
+            if finished[number]:
+                continue  # its last command, to stand still, holds
             here = Pose2(float(place[number, 0]), float(place[number, 1]), float(yaw[number]))
-            if tick % SCAN_TICKS == 0 and not finished[number]:
+            if tick % SCAN_TICKS == 0:
                 laser = here @ Pose2(LASER)
                 tracker.update(now, laser, _scan(laser, heads[apart[number] < params[number].view], random))
             progress = planner.step(here, Twist2(*speeds[number].tolist()), tracker.obstacles(now), TICK_S)

@@ -12,9 +12,12 @@ import termios
 import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from services.runtime.process import PARENT, ROOT
+from tests.harness.fork_children import is_forkable
+from tests.harness.fork_server import ForkedProcess
 from tests.harness.waiting import wait_until
 
 END_S = 20.0
@@ -40,11 +43,7 @@ class PseudoTerminal:
         self._said = bytearray()
         self.open = True
         environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid()), **(env or {})}
-        # The shell becomes the program, so that it is the child that has to die with the test.
-        command = ["sh", "-c", _ATTACH_TERMINAL, os.ttyname(self._slave), sys.executable, "-P", *arguments]
-        self._child = subprocess.Popen(
-            command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True
-        )
+        self._child = _start(arguments, os.ttyname(self._slave), environment)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -122,6 +121,16 @@ class PseudoTerminal:
         while self.open:
             if select.select([self._master], [], [], 0.05)[0]:
                 self._said += os.read(self._master, 4096)
+
+
+def _start(arguments: Sequence[str], terminal: str, environment: dict[str, str]) -> subprocess.Popen[Any]:
+    if arguments[0] == "-m" and is_forkable(arguments[1]):
+        return ForkedProcess(arguments[1], arguments[2:], Path.cwd(), environment, subprocess.DEVNULL, True, terminal)
+    # The shell becomes the program, so that it is the child that has to die with the test.
+    command = ["sh", "-c", _ATTACH_TERMINAL, terminal, sys.executable, "-P", *arguments]
+    return subprocess.Popen(
+        command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True
+    )
 
 
 def hold_without_lag(act: Callable[[], KeyEvents], tries: int = 10) -> KeyEvents:
