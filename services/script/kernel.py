@@ -251,11 +251,22 @@ class ScriptKernel:
         pending = self.transport.query_async(key_of(name), payload, patience, sender)
         pause = _FIRST_POLL_S
         while (replies := pending.poll()) is None:
+            if (answers := pending.received()) and self._answered(name, answers):
+                return answers
             if self._shutting_down and not before:
                 raise ScriptStopped(f"the process was asked to end while it waited for {name}")
             time.sleep(pause)
             pause = min(pause * 1.2, _SLOWEST_POLL_S)
         return replies
+
+    def _answered(self, name: str, replies: Sequence[Reply]) -> bool:
+        """Whether an answer is the one that is waited for, although the network has not said yet that it is the last.
+
+        It asks every process that may serve the name, also those that it knows too little of. One that stood still
+        while its links came up may owe its word for ever.
+        """
+        server = self.network.server(name)
+        return any(each.ok or (server is not None and each.session == server.session) for each in replies)
 
     def service_type(self, name: str) -> str | None:
         server = self.network.server(name)

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from services.runtime.errors import BadInput
-from services.runtime.transport.memory import MemoryBus
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.script.api import Origin, ServiceRefused, ServiceUnavailable
 from services.script.testing import memory_kernel
 
@@ -40,6 +40,25 @@ def test_two_scripts_exchange_messages_and_calls() -> None:
         server.close()
         assert talker.wait_until(lambda: talker.service_type("/add") is None, WITHIN_S)
         assert {"/talker", "/ns/listener"} <= set(talker.nodes())
+
+
+def test_a_call_ends_with_the_answer_of_its_server() -> None:
+    """The network asks each process that may serve the name, and one of them may owe its word for ever."""
+    bus = MemoryBus()
+    with memory_kernel(bus) as asking, memory_kernel(bus, install=False) as serving, MemoryTransport(bus) as silent:
+        silent.serve("add")
+        serving.start("/serving", "/", "script")
+
+        def handle(payload: bytes) -> bytes:
+            if payload == b"no":
+                raise ServiceRefused("not today")
+            return payload + b"!"
+
+        serving.serve("/add", "rospy_tutorials/AddTwoInts", handle)
+        assert asking.wait_until(lambda: asking.service_type("/add") is not None, WITHIN_S)
+        assert asking.call("/add", "rospy_tutorials/AddTwoInts", b"hi") == b"hi!"
+        with pytest.raises(ServiceRefused, match="not today"):
+            asking.call("/add", "rospy_tutorials/AddTwoInts", b"no")
 
 
 def test_a_program_is_asked_to_end_by_another(capfd: pytest.CaptureFixture[str]) -> None:
