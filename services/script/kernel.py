@@ -110,6 +110,8 @@ class ScriptKernel:
         self._stepping: SteppingNode | None = None
         self._hooks: list[Callable[[], None]] = []
         self._warned: set[str] = set()
+        self._linked: set[str] = set()
+        """The followed publications that reach somebody."""
         self._hooks_lock = threading.RLock()
         self._ending = self._excused = self._early = False
         self._gazebo = GazeboCalls()
@@ -429,10 +431,12 @@ class ScriptKernel:
         """Answer requests and follow the network, in the node's thread."""
         for server in self.servers:
             server.poll()
-        if not self.network.update():
-            return
-        self._warn_types()
-        if not self.lockstep:
+        changed = self.network.update()
+        if changed:
+            self._warn_types()
+        linked = {name for name, each in self.followers.items() if each.output.linked}
+        if not self.lockstep and (changed or linked != self._linked):
+            self._linked = linked
             self.threads.wake()
             for follower in self.followers.values():
                 follower.worker.nudge()
@@ -463,6 +467,10 @@ class ScriptKernel:
             own = self.readers if kind == "sub" else {each.name for each in self.outputs}
             found = found - {self.node.identity.node} | ({self.node.identity.node} if name in own else set())
         return sorted(found)
+
+    def links(self, publisher: Publisher[Any]) -> bool:
+        """Whether a sample would reach a subscriber; members of lockstep have seen each other before time begins."""
+        return self.lockstep or publisher.has_subscribers
 
     def close_output(self, output: TopicOutput, publisher: Publisher[Any] | None) -> None:
         """End a publication; another of the same topic keeps it alive."""
