@@ -21,6 +21,7 @@ from services.runtime.parameters.validation import build
 from services.script.inspect_script import legal_node_name
 from services.sim.joints.config import check_positions
 from services.sim.parameters import MAX_RATE, BaseParameters
+from services.sim.robot_names import robot_links
 
 _ALIASES = (
     (r"turtlebot3_?(burger|waffle_pi|waffle)", ""),
@@ -163,8 +164,10 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
         for key, controller in diff_drive_controllers(launch.parameters, spawn.namespace):
             own = wheels if model in MODELS else None
             parameters.pop("odometry", None)
-            parameters |= {"cmd_vel_timeout": 0.5, **_base_parameters(controller, key, launch, own)}
-            namespace = key
+            frames = {} if "base_link" not in robot_links(made) else {"base_frame_id": "base_link"}
+            inside = key.removeprefix(namespace.rstrip("/")).strip("/")
+            parameters |= {"cmd_vel_timeout": 0.5, **frames, **_base_parameters(controller, key, launch, own)}
+            parameters["controller"] = inside
             launch.note(f"{node.where}: {name} listens to {key}/cmd_vel, as its diff_drive_controller is called")
             break
         else:
@@ -281,7 +284,9 @@ def _base_parameters(controller: Tree, key: str, launch: Launch, wheels: WheelCo
     """
     plain = (
         *("cmd_vel_timeout", "publish_rate", "wheel_separation", "wheel_radius", "wheel_separation_multiplier"),
-        *("wheel_radius_multiplier", "pose_covariance_diagonal", "twist_covariance_diagonal"),
+        *("wheel_radius_multiplier", "left_wheel_radius_multiplier", "right_wheel_radius_multiplier"),
+        *("pose_covariance_diagonal", "twist_covariance_diagonal", "velocity_rolling_window_size", "open_loop"),
+        *("enable_odom_tf", "odom_frame_id", "base_frame_id", "publish_cmd", "allow_multiple_cmd_vel_publishers"),
     )
     found: dict[str, Any] = {name: controller[name] for name in plain if name in controller}
     for name, ours in (("wheel_radius", wheels.radius), ("wheel_separation", wheels.separation)) if wheels else ():

@@ -10,16 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from deploy.commands.param_values import read_yaml_value
 from deploy.launch import known_nodes
 from deploy.launch.launch_file import LaunchNode
 from deploy.launch.launch_values import Description, command_output
-from services.runtime.errors import BadInput, unknown_name
+from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
 from services.script.workspace import workspace_of
-
-_DYNPARAM = ("list", "get", "set", "load", "dump")
-"""The commands of dynamic_reconfigure's dynparam; verbs of ./elea param do the same."""
 
 
 def run_known_node(package: str, program: str, arguments: Sequence[str], port: int | None) -> bool:
@@ -30,9 +26,6 @@ def run_known_node(package: str, program: str, arguments: Sequence[str], port: i
     network = ["--port", str(port)] if port is not None else []
     if (package, program) in (("tf", "tf_echo"), ("tf2_tools", "echo.py")):
         _elea(["tf", "echo", *network, *words.split()[:2]])
-    if (package, program) == ("dynamic_reconfigure", "dynparam"):
-        verb, *rest = dynparam_verb(arguments)
-        _elea(["param", verb, *network, *rest])
     if program.removesuffix(".py") == "view_frames":
         _elea(["tf", "tree", *network])
     if package == "xacro":
@@ -62,28 +55,6 @@ def run_known_node(package: str, program: str, arguments: Sequence[str], port: i
     if package in known_nodes.NOT_HERE:
         raise BadInput(f"{node.what} cannot be run: {known_nodes.NOT_HERE[package]}")
     return False
-
-
-def dynparam_verb(words: Sequence[str]) -> list[str]:
-    """The words behind ``./elea param`` that do what a command of dynparam says; raises BadInput."""
-    match list(words):
-        case ["list" | "get" as verb, *rest]:
-            return [verb, *rest]
-        case ["set", node, text]:
-            values = read_yaml_value(text)
-            if not isinstance(values, dict):
-                raise BadInput(f"dynparam set NODE NAME VALUE, or NODE '{{NAME: VALUE}}': {text!r} is no map")
-            return ["set", node, *(f"{name}={json.dumps(value)}" for name, value in values.items())]
-        case ["set", node, name, value]:
-            return ["set", node, name, value]
-        case ["load", node, file]:
-            return ["load", file, "--set", node]
-        case ["dump", node, file]:
-            return ["dump", node, "--output", file]
-        case [verb, *_] if verb in _DYNPARAM:
-            raise BadInput(f"dynparam {verb} needs other words: set NODE NAME VALUE, load NODE FILE, dump NODE FILE")
-        case _:
-            raise unknown_name("command of dynparam", next(iter(words), ""), _DYNPARAM)
 
 
 def _expand(words: Sequence[str]) -> None:

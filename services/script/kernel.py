@@ -42,10 +42,6 @@ from services.script.threads import FreeThreads, Threads, report_exception
 from services.script.topics import SubscriberFollower, TopicInput, TopicOutput, TopicReader
 from services.script.turns import TurnThreads
 
-_SEND_S = 0.03
-"""Wall time [s] in which what was published last leaves, before the tokens go: they overtake it."""
-_LEAVE_S = 0.3
-"""The same in lockstep, where the report of the last tick counts: without it the script is lost, and not finished."""
 _ANSWER_S = 330.0
 """Wall time [s] that a service of this project has to answer in lockstep: longer than the simulation, which answers
 when the other members are done or ask, too, waits for a slow one of them."""
@@ -110,6 +106,8 @@ class ScriptKernel:
         self._stepping: SteppingNode | None = None
         self._hooks: list[Callable[[], None]] = []
         self._warned: set[str] = set()
+        self._linked: set[str] = set()
+        """The followed publications that reach somebody."""
         self._hooks_lock = threading.RLock()
         self._ending = self._excused = self._early = False
         self._gazebo = GazeboCalls()
@@ -251,11 +249,22 @@ class ScriptKernel:
         pending = self.transport.query_async(key_of(name), payload, patience, sender)
         pause = _FIRST_POLL_S
         while (replies := pending.poll()) is None:
+            if (answers := pending.received()) and self._answered(name, answers):
+                return answers
             if self._shutting_down and not before:
                 raise ScriptStopped(f"the process was asked to end while it waited for {name}")
             time.sleep(pause)
             pause = min(pause * 1.2, _SLOWEST_POLL_S)
         return replies
+
+    def _answered(self, name: str, replies: Sequence[Reply]) -> bool:
+        """Whether an answer is the one that is waited for, although the network has not said yet that it is the last.
+
+        It asks every process that may serve the name, also those that it knows too little of. One that stood still
+        while its links came up may owe its word for ever.
+        """
+        server = self.network.server(name)
+        return any(each.ok or (server is not None and each.session == server.session) for each in replies)
 
     def service_type(self, name: str) -> str | None:
         server = self.network.server(name)
@@ -403,10 +412,8 @@ class ScriptKernel:
             self._ended.stop()
 
     def close(self) -> None:
-        """Leave the network; what was published is on its way."""
+        """Leave the network; what was published and reported leaves before the tokens, which go with the session."""
         self.stop_loop()
-        if self.node is not None:
-            time.sleep(_LEAVE_S if self.lockstep else _SEND_S)
         self._resources.close()
 
     def follows_simulation(self) -> bool:
@@ -418,10 +425,12 @@ class ScriptKernel:
         """Answer requests and follow the network, in the node's thread."""
         for server in self.servers:
             server.poll()
-        if not self.network.update():
-            return
-        self._warn_types()
-        if not self.lockstep:
+        changed = self.network.update()
+        if changed:
+            self._warn_types()
+        linked = {name for name, each in self.followers.items() if each.output.linked}
+        if not self.lockstep and (changed or linked != self._linked):
+            self._linked = linked
             self.threads.wake()
             for follower in self.followers.values():
                 follower.worker.nudge()
@@ -452,6 +461,10 @@ class ScriptKernel:
             own = self.readers if kind == "sub" else {each.name for each in self.outputs}
             found = found - {self.node.identity.node} | ({self.node.identity.node} if name in own else set())
         return sorted(found)
+
+    def links(self, publisher: Publisher[Any]) -> bool:
+        """Whether a sample would reach a subscriber; members of lockstep have seen each other before time begins."""
+        return self.lockstep or publisher.has_subscribers
 
     def close_output(self, output: TopicOutput, publisher: Publisher[Any] | None) -> None:
         """End a publication; another of the same topic keeps it alive."""

@@ -106,7 +106,13 @@ class TopicOutput:
             self._bus.publish(publisher, payload)
 
     def subscribers(self) -> list[str]:
-        return self._bus.ends("sub", self.name)
+        """The nodes that read it; none while no way to any of them is known, as while two nodes are being linked."""
+        return self._bus.ends("sub", self.name) if self.linked else []
+
+    @property
+    def linked(self) -> bool:
+        """Whether what is published reaches somebody."""
+        return self._publisher is None or self._bus.links(self._publisher)
 
     def close(self) -> None:
         self._bus.close_output(self, self._publisher)
@@ -124,6 +130,10 @@ class Bus(Protocol):
 
     def ends(self, kind: str, name: str) -> list[str]:
         """The nodes with an end of this kind."""
+        ...
+
+    def links(self, publisher: Publisher[Any]) -> bool:
+        """Whether a sample would reach a subscriber: its token may be seen before the way to it is known."""
         ...
 
     def close_output(self, output: TopicOutput, publisher: Publisher[Any] | None) -> None:
@@ -261,16 +271,16 @@ class SubscriberFollower:
         left: Callable[[str], None] | None,
         threads: Threads,
     ) -> None:
-        self._output, self._joined, self._left = output, joined, left
+        self.output, self._joined, self._left = output, joined, left
         self._known: set[str] = set()
         self.worker = threads.worker(f"{output.name} subscribers", self._work)
 
     def _work(self) -> bool:
-        there = set(self._output.subscribers())
+        there = set(self.output.subscribers())
         for node in sorted(there - self._known):
             self._known.add(node)
             if self._joined is not None and (payload := self._joined(node)) is not None:
-                self._output.publish(payload)
+                self.output.publish(payload)
         for node in sorted(self._known - there):
             self._known.discard(node)
             if self._left is not None:

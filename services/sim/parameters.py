@@ -46,6 +46,11 @@ def _gain(text: str) -> Meta:
     return Meta(ge=0, le=1e6, description=text)
 
 
+def _name(text: str) -> Meta:
+    """A frame or a namespace, with or without a slash before it."""
+    return Meta(pattern=r"^/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z", max_length=255, description=text, extra=_FIXED)
+
+
 _JERKS = tuple(f"{axis}.{end}_jerk" for axis in ("linear", "angular") for end in ("min", "max"))
 """An axis that is slowed for the other one cannot keep to a jerk of its own."""
 
@@ -232,6 +237,15 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
         | None
     ) = None
     enable_odom_tf: Annotated[bool, Meta(description="Publish odometry on /tf.")] | None = None
+    odom_frame_id: Annotated[str, _name("Frame of odometry, behind the frame prefix.")] | None = None
+    base_frame_id: (
+        Annotated[str, _name("Frame whose place odometry tells, behind the frame prefix; the root link by default.")]
+        | None
+    ) = None
+    controller: (
+        Annotated[str, _name("Namespace, inside the robot's, in which commands and odometry have a second name.")]
+        | None
+    ) = None
     enable_link_tf: (
         Annotated[
             bool,

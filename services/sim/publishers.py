@@ -44,7 +44,7 @@ from services.sim.joints.motors import JointMotors
 from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import BodyState, JointReadings, World
-from services.sim.robot_names import robot_frame_prefix
+from services.sim.robot_names import odometry_child, robot_frame_prefix
 from services.sim.robot_topics import RobotPublisher, steps_of, topic_names
 from services.sim.sensor_publishers import SensorMount, robot_sensors
 from services.sim.sensors import joint_state
@@ -69,6 +69,8 @@ class RobotPublishers:
         self._actuation, self.odometer, self.name = actuation, actuation.odometer, entry.name
         self._motors, self._joints = motors, world.body(entry.name).joints
         self._frame_prefix = robot_frame_prefix(entry)
+        self.odometry_child = odometry_child(model, entry.parameters, self._frame_prefix)
+        """The frame whose place odometry tells, without the prefix."""
         self._base_frame = self.frame_id(model.base_frame)
         self.joint_state_steps = max(1, steps_of(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
         self._truth_steps = steps_of(model.odometry_rate)
@@ -90,7 +92,7 @@ class RobotPublishers:
             node.log.warn,
         )
         self.sensors = robot_sensors(mount, model)
-        self.truth_template = self._odometry_template("world", ZERO_COVARIANCE, ZERO_COVARIANCE)
+        self.truth_template = self._odometry_template("world", self._base_frame, ZERO_COVARIANCE, ZERO_COVARIANCE)
         self._odometry_template_of: tuple[Packed36, Packed36, Template[Any]] | None = None
         self.joint_template = Template(self._joint_state, 3 * len(self._joints))
         self._command_template = Template(self._command, 2)
@@ -177,15 +179,13 @@ class RobotPublishers:
         """That with the covariances that odometry has now."""
         pose, twist, of = self.odometer.pose_covariance, self.odometer.twist_covariance, self._odometry_template_of
         if of is None or of[0] is not pose or of[1] is not twist:
-            frame = self.frame_id(self._model.odom_frame)
-            of = self._odometry_template_of = pose, twist, self._odometry_template(frame, pose, twist)
+            frame, child = self.frame_id(self._model.odom_frame), self.frame_id(self.odometry_child)
+            of = self._odometry_template_of = pose, twist, self._odometry_template(frame, child, pose, twist)
         return of[2]
 
-    def _odometry_template(self, frame: str, pose: Packed36, twist: Packed36) -> Template[Any]:
+    def _odometry_template(self, frame: str, child: str, pose: Packed36, twist: Packed36) -> Template[Any]:
         return Template(
-            lambda stamp, numbers: odometry_message(
-                Header(stamp=stamp, frame_id=frame), self._base_frame, numbers, pose, twist
-            ),
+            lambda stamp, numbers: odometry_message(Header(stamp=stamp, frame_id=frame), child, numbers, pose, twist),
             13,
         )
 

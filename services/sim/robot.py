@@ -21,7 +21,7 @@ from services.sim.joints.motors import JointMotors
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
 from services.sim.publishers import RobotPublishers
-from services.sim.robot_names import ROOT_NAMESPACE, robot_frame_prefix, robot_namespace
+from services.sim.robot_names import ROOT_NAMESPACE, named_model, robot_frame_prefix, robot_namespace
 from services.sim.robot_topics import topic_names
 from services.sim.transit_delay import TransitDelayEstimator
 
@@ -43,8 +43,9 @@ class Robot:
         delays: TransitDelayEstimator,
         wait: bool = False,
     ) -> None:
-        self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
+        self.entry, self.name = entry, entry.name
         self.namespace, self.frame_prefix = robot_namespace(entry), robot_frame_prefix(entry)
+        self.model = named_model(read_model(entry.model), entry.parameters, self.frame_prefix)
         self.actuation = spawn_actuation(
             node, world, entry, self.model, self.namespace, pose, seed, command_sources, delays, wait
         )

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
+from msgspec.structs import replace
+
 from messages.names import BadName, absolute_namespace, validate
-from models.model import read_model
+from messages.topics import CMD_VEL, CMD_VEL_OUT, ODOM
+from models.model import RobotModel, read_model
 from models.urdf import read_joints
 from services.runtime.errors import BadInput
+from services.sim.parameters import BaseParameters
 
 ROOT_NAMESPACE = "/"
 """Of a robot whose topics have no prefix, ``/cmd_vel`` and so on."""
@@ -54,8 +58,41 @@ def robot_frame_prefix(robot: NamedRobot) -> str:
 def robot_frames(robot: NamedRobot) -> frozenset[str]:
     """All frames of a robot; raises ``models.UnknownModel``."""
     model, prefix = read_model(robot.model), robot_frame_prefix(robot)
-    links = {model.base_frame, *(link for joint in read_joints(robot.model) for link in (joint.parent, joint.child))}
+    links = robot_links(robot.model)
     return frozenset(f"{prefix}{frame}" for frame in (links if model.fixed_base else links | {model.odom_frame}))
+
+
+def robot_links(model: str) -> frozenset[str]:
+    """The root of a model, and all links that hang on it."""
+    joints = ((joint.parent, joint.child) for joint in read_joints(model))
+    return frozenset((read_model(model).base_frame, *(link for ends in joints for link in ends)))
+
+
+def named_model(model: RobotModel, parameters: BaseParameters, prefix: str) -> RobotModel:
+    """A model whose odometry has the frame and the topics that the parameters state.
+
+    Args:
+        model: The robot's.
+        parameters: Of its base.
+        prefix: That of its frames, which a stated one may have already.
+    """
+    if parameters.odom_frame_id is not None:
+        model = replace(model, odom_frame=_bare(parameters.odom_frame_id, prefix))
+    if parameters.controller is not None:
+        inside = parameters.controller.strip("/")
+        names = {each.name: f"{inside}/{each.name}" for each in (CMD_VEL, CMD_VEL_OUT, ODOM)}
+        model = replace(model, topics={**model.topics, **names})
+    return model
+
+
+def odometry_child(model: RobotModel, parameters: BaseParameters, prefix: str) -> str:
+    """The frame whose place odometry tells, without the prefix."""
+    stated = parameters.base_frame_id
+    return model.base_frame if stated is None else _bare(stated, prefix)
+
+
+def _bare(frame: str, prefix: str) -> str:
+    return frame.removeprefix("/").removeprefix(prefix)
 
 
 def stands_by_link(robot: NamedRobot) -> bool:

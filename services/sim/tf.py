@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from messages import se2
@@ -19,7 +20,7 @@ from models.urdf import Joint, read_joints
 from services.sim.drive.odometry import OdometrySample
 from services.sim.moment import Moment
 from services.sim.robot import Robot
-from services.sim.robot_names import WORLD_FRAME
+from services.sim.robot_names import WORLD_FRAME, robot_links
 from services.sim.template_groups import GroupEncoder
 
 
@@ -38,6 +39,9 @@ def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMess
         header = Header(stamp=Time.of(now), frame_id=WORLD_FRAME)
         if child != WORLD_FRAME:
             transforms.append(_stamped(header, child, origin))
+        if (extra := _extra_frame(robot)) is not None:
+            inside = replace(header, frame_id=f"{robot.frame_prefix}{extra}")
+            transforms.append(_stamped(inside, f"{robot.frame_prefix}{robot.model.base_frame}", IDENTITY))
         for joint in _published_joints(robot):
             if not joint.single_dof:
                 transforms.append(_joint_transform(robot.frame_prefix, joint, 0.0, now))
@@ -61,7 +65,8 @@ class _RobotFrames:
         self.joints = [each for each in read_joints(robot.entry.model) if each.name in places]
         self.places = [places[each.name] for each in self.joints]
         self.of_joints = [_TransformTemplate(prefix + each.parent, prefix + each.child) for each in self.joints]
-        self.of_base = _TransformTemplate(prefix + robot.model.odom_frame, prefix + robot.model.base_frame)
+        base = _extra_frame(robot) or robot.model.base_frame
+        self.of_base = _TransformTemplate(prefix + robot.model.odom_frame, prefix + base)
 
     @property
     def odometry(self) -> tuple[bytes, OdometrySample] | None:
@@ -144,6 +149,15 @@ class JointTransforms:
         turn = (*(sine * self._axes), np.where(self._axes.any(axis=0), cosine, 1.0))
         place = self._xyz + np.array(positions) * self._slides
         return np.concatenate((place, quaternion_multiply(self._mounts, turn))).T
+
+
+def _extra_frame(robot: Robot) -> str | None:
+    """The frame whose place odometry tells, where it is none of the robot's links: it lies in the root.
+
+    A link that is not the root has a parent already, and a frame has one: then the root is what moves in ``odom``.
+    """
+    stated = robot.publishers.odometry_child
+    return None if robot.model.fixed_base or stated in robot_links(robot.entry.model) else stated
 
 
 def _published_joints(robot: Robot) -> tuple[Joint, ...]:

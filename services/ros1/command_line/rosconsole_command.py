@@ -4,9 +4,10 @@
 import sys
 
 import rospy
-from discovery import settle
 from roscpp.srv import GetLoggers, SetLoggerLevel
 from rosgraph_msgs.msg import Log
+
+from services.script.discovery import settle
 
 LEVELS = {"debug": Log.DEBUG, "info": Log.INFO, "warn": Log.WARN, "error": Log.ERROR, "fatal": Log.FATAL}
 USAGE = {

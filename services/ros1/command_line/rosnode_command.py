@@ -6,8 +6,8 @@ import time
 
 import rosnode
 import rospy
-from discovery import settle
 
+from services.script.discovery import settle
 from services.script.process import kernel
 
 

@@ -6,7 +6,8 @@ import sys
 import rospy
 import rosservice
 import yaml
-from discovery import settle
+
+from services.script.discovery import settle
 
 COMMANDS = ("args", "call", "find", "info", "list", "type", "uri")
 

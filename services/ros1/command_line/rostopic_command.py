@@ -10,7 +10,8 @@ import rosgraph
 import rospy
 import rostopic
 import yaml
-from discovery import settle
+
+from services.script.discovery import settle
 
 COMMANDS = ("bw", "delay", "echo", "find", "hz", "info", "list", "pub", "type")
 

@@ -429,6 +429,8 @@ class Barrier:
             self._not_before.pop(entity.session, None)
             member = self._members.get(entity.session)
             if member is not None and entity.node in member.ids:
+                if member.answer is not None and member.answer.leaving:
+                    return  # its last report is here, and counts with those of its tick
                 self._drop(member)
                 self._gone.append(member)
                 self._lose(member, "its process is gone")

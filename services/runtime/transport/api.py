@@ -132,6 +132,10 @@ class PendingReplies(Protocol):
         """All replies once they have arrived or time is up, None before; empty without a server."""
         ...
 
+    def received(self) -> Sequence[Reply]:
+        """The replies that have come so far, of servers alone."""
+        ...
+
 
 class Token(Protocol):
     """A liveliness token; it goes when it is closed or its process dies."""

@@ -165,6 +165,9 @@ class MemoryPendingReplies:
             return [each.answer or Reply(False, TIMEOUT) for each in self._asked]
         return None
 
+    def received(self) -> Sequence[Reply]:
+        return [each.answer for each in self._asked if each.answer]
+
 
 class MemoryServer:
     """The requests on one key."""

@@ -307,6 +307,10 @@ class ZenohPendingReplies:
             return self._answers
         return None
 
+    def received(self) -> list[Reply]:
+        self.poll()
+        return _of_servers(self._answers)
+
 
 class ZenohNotifyingReplies:
     """The same, collected in a thread of Zenoh, which then calls ``notify``."""
@@ -327,6 +331,13 @@ class ZenohNotifyingReplies:
 
     def poll(self) -> list[Reply] | None:
         return self._answers if self._complete else None
+
+    def received(self) -> list[Reply]:
+        return _of_servers(self._answers)
+
+
+def _of_servers(replies: Iterable[Reply]) -> list[Reply]:
+    return [each for each in replies if each.ok or each.payload != TIMEOUT]
 
 
 def answers(reply: Any) -> list[Reply]:

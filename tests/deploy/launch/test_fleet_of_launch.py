@@ -91,8 +91,10 @@ def test_a_diff_drive_controller_gives_its_name_and_figures(workspace: LaunchWor
     workspace.write(
         "robots/config/control.yaml",
         "p3dx_velocity_controller:\n  type: diff_drive_controller/DiffDriveController\n  cmd_vel_timeout: 0.25\n"
-        "  publish_rate: 100\n  wheel_radius : 0.15\n  left_wheel: a\n  linear: {x: {has_velocity_limits: true, "
-        "max_velocity: 0.75, max_acceleration: 0.3}}\n",
+        "  publish_rate: 100\n  wheel_radius : 0.15\n  left_wheel: a\n  odom_frame_id: /odom_wheels\n"
+        "  base_frame_id: base_footprint\n  enable_odom_tf: false\n  publish_cmd: true\n  open_loop: true\n"
+        "  velocity_rolling_window_size: 4\n  left_wheel_radius_multiplier: 1.1\n"
+        "  linear: {x: {has_velocity_limits: true, max_velocity: 0.75, max_acceleration: 0.3}}\n",
     )
     table = workspace.table("""<group ns="/p3dx">
       <param name="robot_description"
@@ -102,10 +104,21 @@ def test_a_diff_drive_controller_gives_its_name_and_figures(workspace: LaunchWor
       <node name="c" pkg="controller_manager" type="spawner" args="--namespace=/p3dx
         p3dx_velocity_controller --shutdown-timeout 3"/></group>""")
     (robot,) = table["robot"]
-    assert (robot["model"], robot["namespace"], robot["frame_prefix"]) == ("p3dx", "/p3dx/p3dx_velocity_controller", "")
+    assert (robot["model"], robot["namespace"], robot["frame_prefix"]) == ("p3dx", "/p3dx", "")
     assert robot["parameters"] == {
-        "cmd_vel_timeout": 0.25, "publish_rate": 50.0, "wheel_radius": 0.15, "linear": {"max_velocity": 0.75},
-    }  # fmt: skip
+        "cmd_vel_timeout": 0.25,
+        "publish_rate": 50.0,
+        "wheel_radius": 0.15,
+        "linear": {"max_velocity": 0.75},
+        "odom_frame_id": "/odom_wheels",
+        "base_frame_id": "base_footprint",
+        "enable_odom_tf": False,
+        "publish_cmd": True,
+        "open_loop": True,
+        "velocity_rolling_window_size": 4,
+        "left_wheel_radius_multiplier": 1.1,
+        "controller": "p3dx_velocity_controller",
+    }
     assert kinds(table) == []
 
 

@@ -5,7 +5,8 @@ import time
 import pytest
 
 from services.runtime.errors import BadInput
-from services.runtime.transport.memory import MemoryBus
+from services.runtime.graph import Entity
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.script.api import Origin, ServiceRefused, ServiceUnavailable
 from services.script.testing import memory_kernel
 
@@ -40,6 +41,42 @@ def test_two_scripts_exchange_messages_and_calls() -> None:
         server.close()
         assert talker.wait_until(lambda: talker.service_type("/add") is None, WITHIN_S)
         assert {"/talker", "/ns/listener"} <= set(talker.nodes())
+
+
+def test_a_call_ends_with_the_answer_of_its_server() -> None:
+    """The network asks each process that may serve the name, and one of them may owe its word for ever."""
+    bus = MemoryBus()
+    with memory_kernel(bus) as asking, memory_kernel(bus, install=False) as serving, MemoryTransport(bus) as silent:
+        silent.serve("add")
+        serving.start("/serving", "/", "script")
+
+        def handle(payload: bytes) -> bytes:
+            if payload == b"no":
+                raise ServiceRefused("not today")
+            return payload + b"!"
+
+        serving.serve("/add", "rospy_tutorials/AddTwoInts", handle)
+        assert asking.wait_until(lambda: asking.service_type("/add") is not None, WITHIN_S)
+        assert asking.call("/add", "rospy_tutorials/AddTwoInts", b"hi") == b"hi!"
+        with pytest.raises(ServiceRefused, match="not today"):
+            asking.call("/add", "rospy_tutorials/AddTwoInts", b"no")
+
+
+def test_a_reader_counts_once_the_way_to_it_is_known() -> None:
+    """Its token may come before: what was published then would be lost, as the goal of an action."""
+    bus, joined = MemoryBus(), list[str]()
+    with memory_kernel(bus) as talker, MemoryTransport(bus) as reader:
+        plain = talker.advertise("/plain", "std_msgs/String")
+        watched = talker.advertise("/watched", "std_msgs/String", joined=lambda node: joined.append(node))
+        talker.start("/talker", "/", "script")
+        for name in ("/plain", "/watched"):
+            reader.declare_token(Entity(reader.session, "sub", "/reader", name, "std_msgs/String", "EVENT").key)
+        assert talker.wait_until(lambda: talker.ends("sub", "/watched") == ["/reader"], WITHIN_S)
+        assert (plain.subscribers(), watched.subscribers(), joined) == ([], [], [])
+        for name in ("plain", "watched"):
+            reader.subscribe(name, 4)
+        assert talker.wait_until(lambda: joined == ["/reader"], WITHIN_S)
+        assert (plain.subscribers(), watched.subscribers()) == (["/reader"], ["/reader"])
 
 
 def test_a_program_is_asked_to_end_by_another(capfd: pytest.CaptureFixture[str]) -> None:

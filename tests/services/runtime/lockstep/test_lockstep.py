@@ -94,6 +94,25 @@ class Idler(Member):
             pacer.finish(idle_until=instant.time + self._idle_ns)
 
 
+class Leaver(Member):
+    """A member that takes leave with its second step, and leaves the network at once."""
+
+    def __init__(self, transport: Transport, name: str) -> None:
+        super().__init__(transport, name, 50.0, random.Random(0))
+
+    def _run(self, ctx: Context[Any]) -> None:
+        pacer = LockstepPacer(ctx.node, period_of(self._rate, True))
+        pacer.start()
+        while len(self.seen) < 2:
+            ctx.node.spin_once()
+            if (instant := pacer.next()) is None:
+                ctx.node.wait(pacer.raw)
+                continue
+            self.seen.append((instant.time, (), ()))
+            ctx.publish(SHARED, Float64(data=7.0))
+            pacer.finish(leaving=len(self.seen) == 2)
+
+
 class Simulation:
     """The smallest simulation: a number that efforts move."""
 
@@ -231,6 +250,25 @@ def test_a_member_that_dies_is_dropped_and_the_run_says_so(connect: Callable[[],
         finally:
             alive.stop()
             dying.stop()
+
+
+def test_a_member_that_takes_leave_may_be_gone_before_its_tick_is_over(connect: Callable[[], Transport]) -> None:
+    """Between two ticks, as while the simulation is paused: it has finished, and what it sent last is heard."""
+    with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
+        simulation = Simulation(made, ("/a", "/b"))
+        barrier = simulation.barrier
+        staying, leaving = Member(connect(), "a", 50, random.Random(0)), Leaver(connect(), "b")
+        try:
+            barrier.wait_for_members()
+            simulation.step(5, latency=1)
+            leaving.thread.join(10)
+            wait_until(lambda: barrier.update() or len(barrier._ready) == 1, what="the end of its token")
+            simulation.step(20, latency=1)
+            assert (barrier.state.left, barrier.state.lost) == (("/b",), ())
+            assert [7.0 in shared for _, _, shared in staying.seen[:4]] == [False, True, True, False]
+        finally:
+            leaving.stop()
+            staying.stop()
 
 
 def test_a_member_that_comes_back_is_waited_for_again(connect: Callable[[], Transport]) -> None:

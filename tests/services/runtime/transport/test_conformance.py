@@ -184,6 +184,24 @@ def test_a_query_is_answered_or_refused(connect: Connect, refuse: bool) -> None:
         thread.join()
 
 
+def test_an_answer_has_come_before_the_last_one_has(connect: Connect) -> None:
+    server, silent, client = connect(), connect(), connect()
+    done = threading.Event()
+    silent.serve("ask")
+    thread = _answer(server, "ask", done, False)
+    try:
+        _linked(client, server)
+        _linked(client, silent)
+        pending = client.query_async("ask", b"hello", 30.0)
+        (reply,) = wait_until(pending.received)
+        assert (reply.ok, reply.payload, reply.session) == (True, b"re: hello", server.session)
+        assert pending.poll() is None
+    finally:
+        done.set()
+        server.wake()
+        thread.join()
+
+
 def test_a_query_to_nobody_is_empty_at_once(connect: Connect) -> None:
     assert list(connect().query("nobody", b"", 5.0)) == []
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from messages.geometry import Twist
 from messages.requests import RESET_WORLD, SET_DRIVE, SET_ODOMETRY
 from messages.se3 import Pose3
 from messages.simulation import DriveSettings, SetOdometry
 from messages.std import Empty
-from messages.topics import GROUND_TRUTH, ODOM, TF, TF_STATIC
-from services.runtime.errors import CallFailed
+from messages.topics import CMD_VEL, CMD_VEL_OUT, GROUND_TRUTH, ODOM, TF, TF_STATIC
+from services.runtime.errors import BadInput, CallFailed
 from services.runtime.subscriber import Subscriber
-from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness, run_simulation
+from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness, base_parameters, run_simulation
 
 HALF = math.pi / 8
 ELSEWHERE = Pose3((3.0, -2.0, 0.0), (0.0, 0.0, math.sin(HALF), math.cos(HALF)))
@@ -178,3 +180,51 @@ def test_the_transform_of_odometry_can_be_switched_off() -> None:
             frames.update()
             children.append({each.child_frame_id for each in frames.messages[-1][0].transforms})
         assert children[0] - children[1] == {f"{NAME}/base_footprint"}
+
+
+def test_frames_and_topics_are_those_of_a_configured_controller() -> None:
+    """As ``odom_frame_id``, ``base_frame_id`` and the name of a ``diff_drive_controller`` say, behind the prefix."""
+
+    def tree(world: SimulationHarness) -> dict[str, str]:
+        """The parents of the frames."""
+        found = {}
+        for topic, name in ((TF_STATIC, "tf_static"), (TF, "tf")):
+            frames = Subscriber(topic, f"/{name}", name, world.node.transport, latched=True)
+            world.run(0.1)
+            frames.update()
+            found |= {each.child_frame_id: each.header.frame_id for each in frames.messages[-1][0].transforms}
+        return found
+
+    cases = (
+        ({}, "odom", "base_footprint", {}),
+        ({"odom_frame_id": "/wheel_odom", "base_frame_id": f"{NAME}/base_link"}, "wheel_odom", "base_link", {}),
+        (
+            {"base_frame_id": "vehicle/centre"},
+            "odom",
+            "vehicle/centre",
+            {"vehicle/centre": "odom", "base_footprint": "vehicle/centre"},
+        ),
+    )
+    for stated, odom, child, parents in cases:
+        with run_simulation(**stated) as world:
+            told = tree(world)
+            world.run(0.1)
+            odometry = world.latest(ODOM)
+            assert (odometry.header.frame_id, odometry.child_frame_id) == (f"{NAME}/{odom}", f"{NAME}/{child}")
+            assert world.truth().child_frame_id == f"{NAME}/base_footprint"
+            expected = {odom: "world", "base_footprint": odom, "base_link": "base_footprint"} | parents
+            for frame, parent in expected.items():
+                assert told[f"{NAME}/{frame}"] == (parent if parent == "world" else f"{NAME}/{parent}")
+    with run_simulation(controller="diff", publish_cmd=True) as world:
+        topics = {topic: replace(topic, name=f"diff/{topic.name}") for topic in (CMD_VEL, CMD_VEL_OUT, ODOM)}
+        for topic in (topics[ODOM], topics[CMD_VEL_OUT]):
+            world.subscribe(topic)
+        for _ in range(25):
+            world.publish(topics[CMD_VEL], Twist.planar(0.2, 0.0))
+            world.run(0.04)
+        assert world.latest(topics[ODOM]) == world.latest(ODOM)
+        assert world.latest(ODOM).pose.pose.position.x > 0.1
+        assert world.latest(topics[CMD_VEL_OUT]).twist.linear.x == 0.2
+    for wrong in ("", "odom frame", "9odom", "a//b", "odom\n"):
+        with pytest.raises(BadInput):
+            base_parameters(odom_frame_id=wrong)
