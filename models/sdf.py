@@ -188,6 +188,8 @@ class _Reader:
         top = worlds[0] if worlds else root
         bodies: list[WorldBody] = []
         for child in top.children:
+            if child.tag in ("model", "include") and self._is_out_of_reach(child):
+                continue
             match child.tag:
                 case "model":
                     bodies += self.model(child, IDENTITY, "", 0)
@@ -561,6 +563,21 @@ class _Reader:
             raise
         except BadInput as error:
             self._fail(uri, str(error))
+
+    def _is_out_of_reach(self, element: SdfElement) -> bool:
+        """Whether a model of a world lies so far away that nobody meets it: it is named and left out.
+
+        Worlds that Gazebo saves have those that fell or flew away.
+        """
+        pose = element.find("pose")
+        try:
+            place = [float(each) for each in (pose.text if pose is not None else "").split()[:3]]
+        except ValueError:
+            return False
+        if pose is None or not any(MAX_VALUE < abs(each) < math.inf for each in place):
+            return False
+        self._note(pose, f"a model farther away than {MAX_VALUE:g} m is left out: {pose.text[:60]}", key=pose.text)
+        return True
 
     def _pose(self, element: SdfElement | None) -> Pose3:
         if element is None or not element.text:

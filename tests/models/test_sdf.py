@@ -244,6 +244,35 @@ def test_a_world_is_read_without_the_files_that_are_not_there(package: Path) -> 
         bodies_of_sdf_model('<sdf><model name="m"><link name="l">' + part.format("far/a.stl") + "</link></model></sdf>")
 
 
+def test_a_world_is_read_without_what_flew_away(package: Path) -> None:
+    far = '<pose frame="">1 2 343582.7 0 0 0</pose>'
+    text = (
+        f'<sdf version="1.6"><world name="w">\n<model name="m">{far}<include><uri>model://box</uri></include></model>\n'
+        f"<include><uri>model://box</uri>{far.replace('1 2', '1 3')}</include>\n"
+        "<include><uri>model://box</uri><pose>1 2 10000 0 0 0</pose></include></world></sdf>"
+    )
+    world = read(package, text)
+    assert [body.pose.position for body in world.bodies] == [(1.0, 2.0, 10000.0)]
+    assert [note.partition(".world:")[2] for note in world.notes] == [
+        "2: <pose>: a model farther away than 10000 m is left out: 1 2 343582.7 0 0 0",
+        "3: <pose>: a model farther away than 10000 m is left out: 1 3 343582.7 0 0 0",
+    ]
+    for bad in ("1 2 inf 0 0 0", "1 2 nan 0 0 0", "1 2 10000", "1 2 x 0 0 0"):
+        with pytest.raises(BadWorld, match="expected 6 numbers up to 10000"):
+            read(package, text.replace("1 2 10000 0 0 0", bad))
+
+
+def test_an_ampersand_may_stand_by_itself(package: Path) -> None:
+    config = package / "models" / "box" / "model.config"
+    described = "<description>lid, door & car &amp; &#38; &c</description>"
+    config.write_text(config.read_text().replace("</name>", f"</name>{described}"))
+    world = read(package, WORLD.replace('"yard"', '"yard & garden"'))
+    assert (world.about, len(world.bodies)) == ("yard & garden", 9)
+    config.write_text(config.read_text().replace("& car", "R&D; car"))
+    with pytest.raises(BadWorld, match=r"model\.config:1: the SDF is not XML: undefined entity"):
+        read(package, WORLD)
+
+
 def test_a_model_as_text_becomes_bodies_where_it_is_put(package: Path) -> None:
     found = bodies_of_sdf_model(BOX, "mine", Pose3.planar(1.0, 2.0, math.pi / 2))
     (body,) = found.bodies
