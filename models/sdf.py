@@ -352,7 +352,7 @@ class _Reader:
         inertial = element.find("inertial")
         mass, centre, moments = 1.0, None, None
         if inertial is not None:
-            mass = max(LEAST_MASS, self._number(inertial, "mass", 1.0, positive=True, most=1e9))
+            mass = self._mass(inertial)
             if inertial.find("pose") is not None:
                 centre = self._pose(inertial.find("pose")).position
             tensor = inertial.find("inertia")
@@ -425,8 +425,11 @@ class _Reader:
         self._note(kind, f"the shape is left out (known: {known})")
         return None
 
-    def _mesh(self, kind: SdfElement) -> Shape:
+    def _mesh(self, kind: SdfElement) -> Shape | None:
         x, y, z = self._vector(kind, "scale", (1.0, 1.0, 1.0))
+        if 0 in (x, y, z):
+            self._note(kind, "a mesh that is scaled by 0 is left out")
+            return None
         if (part := kind.find("submesh")) is not None:
             self._note(part, "the whole mesh is taken")
         file = self._file(kind)
@@ -524,6 +527,14 @@ class _Reader:
         diffuse = element.find("diffuse")
         r, g, b, _ = self._rgba(diffuse) if diffuse is not None else (1.0, 1.0, 1.0, 1.0)
         return Light(element.attributes.get("name", ""), (x, y, z), (r, g, b))
+
+    def _mass(self, inertial: SdfElement) -> float:
+        """kg; Gazebo drives on with 0, as some static models state, so that is as if none were stated."""
+        mass = self._number(inertial, "mass", 1.0, most=1e9)
+        if mass > 0:
+            return max(LEAST_MASS, mass)
+        self._note(inertial, f"a mass of {mass:g} kg is 1 kg here")
+        return 1.0
 
     def _friction(self, element: SdfElement, default: float) -> float:
         ode = element.find("surface", "friction", "ode")

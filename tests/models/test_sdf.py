@@ -262,6 +262,17 @@ def test_a_world_is_read_without_what_flew_away(package: Path) -> None:
             read(package, text.replace("1 2 10000 0 0 0", bad))
 
 
+def test_no_mass_and_no_extent_cost_no_world(package: Path) -> None:
+    text = WORLD.replace("<mass>2.5</mass>", "<mass>0</mass>").replace(
+        "<sphere><radius>0.3</radius></sphere>", "<mesh><scale>1 0 0</scale><uri>model://box/flat.dae</uri></mesh>"
+    )
+    world = read(package, text)
+    crate = next(body for body in world.bodies if body.name == "crate")
+    assert (crate.mass, [type(part.shape) for part in crate.parts]) == (1.0, [CylinderShape])
+    told = {note.partition(": ")[2] for note in world.notes}
+    assert {"<inertial>: a mass of 0 kg is 1 kg here", "<mesh>: a mesh that is scaled by 0 is left out"} <= told
+
+
 def test_an_ampersand_may_stand_by_itself(package: Path) -> None:
     config = package / "models" / "box" / "model.config"
     described = "<description>lid, door & car &amp; &#38; &c</description>"
