@@ -356,9 +356,8 @@ class _Reader:
             if inertial.find("pose") is not None:
                 centre = self._pose(inertial.find("pose")).position
             tensor = inertial.find("inertia")
-            if tensor is not None and all(tensor.find(each) is not None for each in ("ixx", "iyy", "izz")):
-                x, y, z = (self._number(tensor, each, 0.0, most=1e12) for each in ("ixx", "iyy", "izz"))
-                moments = (x, y, z) if min(x, y, z) > 1e-12 else None
+            if tensor is not None:
+                moments = self._moments(tensor)
         return SdfLink(element.attributes.get("name", "link"), pose, parts, mass, centre, moments, friction)
 
     def _parts_of(self, element: SdfElement, pose: Pose3, stands: bool) -> list[BodyPart]:
@@ -535,6 +534,14 @@ class _Reader:
             return max(LEAST_MASS, mass)
         self._note(inertial, f"a mass of {mass:g} kg is 1 kg here")
         return 1.0
+
+    def _moments(self, tensor: SdfElement) -> Vector | None:
+        """kg m2; None where they follow from the shapes: Gazebo's editor writes nan beside a mass of 0."""
+        stated = [tensor.find(each) for each in ("ixx", "iyy", "izz")]
+        if any(each is None or each.text.lstrip("-").lower() == "nan" for each in stated):
+            return None
+        x, y, z = (self._number(tensor, each, 0.0, most=1e12) for each in ("ixx", "iyy", "izz"))
+        return (x, y, z) if min(x, y, z) > 1e-12 else None
 
     def _friction(self, element: SdfElement, default: float) -> float:
         ode = element.find("surface", "friction", "ode")

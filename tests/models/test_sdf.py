@@ -263,14 +263,31 @@ def test_a_world_is_read_without_what_flew_away(package: Path) -> None:
 
 
 def test_no_mass_and_no_extent_cost_no_world(package: Path) -> None:
-    text = WORLD.replace("<mass>2.5</mass>", "<mass>0</mass>").replace(
+    text = WORLD.replace("<mass>2.5</mass>", "<mass>0</mass>").replace("<ixx>0.1<", "<ixx>-nan<")
+    text = text.replace(
         "<sphere><radius>0.3</radius></sphere>", "<mesh><scale>1 0 0</scale><uri>model://box/flat.dae</uri></mesh>"
     )
     world = read(package, text)
     crate = next(body for body in world.bodies if body.name == "crate")
+    assert crate.moments is None
     assert (crate.mass, [type(part.shape) for part in crate.parts]) == (1.0, [CylinderShape])
     told = {note.partition(": ")[2] for note in world.notes}
     assert {"<inertial>: a mass of 0 kg is 1 kg here", "<mesh>: a mesh that is scaled by 0 is left out"} <= told
+
+
+def test_a_file_is_found_from_the_folder_of_the_package(package: Path) -> None:
+    (package / "models" / "box" / "wedge.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+    )
+    mesh = "<mesh><uri>file://models/box/{}.obj</uri></mesh>"
+    (package / "models" / "box" / "model-1_6.sdf").write_text(
+        BOX.replace("<box><size>0.5 0.5 0.5</size></box>", mesh.format("wedge"))
+    )
+    include = '<sdf version="1.6"><world name="w"><include><uri>model://box</uri></include></world></sdf>'
+    world = read(package, include)
+    assert isinstance(only(world).parts[0].shape, MeshShape)
+    assert world.notes == ()
+    assert "no.obj" in read(package, model(mesh.format("no"))).missing[0]
 
 
 def test_an_ampersand_may_stand_by_itself(package: Path) -> None:
