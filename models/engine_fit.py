@@ -152,13 +152,13 @@ class _Fit:
         rolling: dict[str, bool] = {}
         # One that does not exist is an error of its model.toml, which is told when that is read.
         for joint in [*(joints[each] for each in self._driven.joints if each in joints), *rolling_joints(self._robot)]:
-            if joint.child in rolling:
+            wheel = read_wheel(self._robot, self._shapes, joint)
+            if wheel.link in rolling:
                 continue
             driven = joint.name in self._driven.joints
-            wheel = read_wheel(self._robot, self._shapes, joint)
             radius = wheel.radius or (self._driven.radius if driven else 0.0)
             if radius > 0 and (driven or wheel.place[2] - radius < self._floor + TOUCHES):
-                rolling[joint.child] = driven
+                rolling[wheel.link] = driven
                 self._make_sphere(wheel, radius)
                 if driven and wheel.width > 0 and abs(wheel.direction[1]) > 0.9:
                     self._add_guard(joint.parent, wheel, radius)

@@ -250,6 +250,8 @@ class _Reader:
             "gazebo_ros_diff_drive": self._diff_drive,
             "gazebo_ros_skid_steer_drive": self._skid_steer,
             "gazebo_ros_planar_move": self._planar_move,
+            "gazebo_ros_force_based_move": self._force_based_move,
+            "gazebo_ros_kobuki": self._kobuki,
             "gazebo_ros_joint_state_publisher": self._joint_states,
             "gazebo_ros_p3d": self._ground_truth,
             "gazebo_ros_control": self._ros_control,
@@ -303,6 +305,9 @@ class _Reader:
         kind = _PLUGIN_ALIASES.get(kind, kind)
         if re.search("ro_?s_?2?_control", kind):
             kind = "gazebo_ros_control"
+        elif kind.endswith("_force_based_move"):
+            # Makers of robots have their own, as ridgeback_ros_force_based_move.
+            kind = "gazebo_ros_force_based_move"
         read = self._plugins.get(kind)
         if read is not None:
             read(plugin, link)
@@ -350,6 +355,48 @@ class _Reader:
         self._add_drive(DriveTag("holonomic", self._where(plugin)), plugin)
         self._found["odometry"] = "world"
         self._odometry(plugin)
+        self._name_rest(plugin)
+
+    def _force_based_move(self, plugin: UrdfElement, _: str) -> None:
+        """A force on the body that makes it as fast as commanded, of mecanum bases; without a gain for y, of others,
+        which are driven by their wheels here."""
+        self._take(plugin, "x_velocity_p_gain", "yaw_velocity_p_gain", "command_watchdog", "cmd_vel_time_out")
+        if self._number(plugin, "y_velocity_p_gain") != 0:
+            self._add_drive(
+                DriveTag(
+                    "holonomic",
+                    self._where(plugin),
+                    max_linear=self._number(plugin, "max_x_velocity"),
+                    max_angular=self._number(plugin, "max_yaw_velocity"),
+                ),
+                plugin,
+            )
+            self._take(plugin, "max_y_velocity")
+        self._found["odometry"] = "world"
+        self._odometry(plugin)
+        self._name_rest(plugin)
+
+    def _kobuki(self, plugin: UrdfElement, _: str) -> None:
+        """The base of the TurtleBot 2, whose topics are below ``mobile_base``."""
+        diameter = self._number(plugin, "wheel_diameter")
+        self._add_drive(
+            DriveTag(
+                "differential",
+                self._where(plugin),
+                self._joints(plugin, "left_wheel_joint_name"),
+                self._joints(plugin, "right_wheel_joint_name"),
+                separation=self._number(plugin, "wheel_separation"),
+                radius=diameter and diameter / 2,
+                torque=self._number(plugin, "torque"),
+            ),
+            plugin,
+        )
+        if self._text(plugin, "publish_tf") in ("false", "0"):
+            self._found["odom_tf"] = False
+        self._alias("cmd_vel", "mobile_base/commands/velocity")
+        if self._text(plugin, "imu_name"):
+            self._alias("imu", "mobile_base/sensors/imu_data")
+        self._take(plugin, "velocity_command_timeout")
         self._name_rest(plugin)
 
     def _gz_diff_drive(self, plugin: UrdfElement, _: str) -> None:
@@ -413,7 +460,7 @@ class _Reader:
         base = self._text(plugin, "robot_base_frame", "child_frame_id")
         if base:
             self._found["base_frame"] = _bare(base)
-        if self._text(plugin, "publish_odom_tf", "publish_tf", "broadcast_tf") in ("false", "0"):
+        if self._text(plugin, "publish_odom_tf", "publish_odometry_tf", "publish_tf", "broadcast_tf") in ("false", "0"):
             self._found["odom_tf"] = False
 
     def _gz_odometry(self, plugin: UrdfElement, _: str) -> None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from messages.errors import unknown_name
-from messages.se3 import Pose3, Vector, rotate
+from messages.se3 import Pose3, Vector, rotate, rotate_inverse
 from models.dynamics import GRAVITY
 from models.extents import bottom, circle_radius, lowest_point, placed_shapes, solid_shapes, support
 from models.gazebo_tags import DriveTag, GazeboTags, step_rate
@@ -41,8 +41,9 @@ ROLL_DIRECTIONS = 24
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheel: joint and link, the middle of its axle in the link's frame (``centre``) and in the root's (``place``)
-    [m], the axle's unit vector in either (``axle``, ``direction``), radius and width [m], 0 where no shape tells."""
+    """A wheel: its joint, the link that has its shapes, the middle of its axle in that link's frame (``centre``) and
+    in the root's (``place``) [m], the axle's unit vector in either (``axle``, ``direction``), radius and width [m], 0
+    where no shape tells."""
 
     joint: str
     link: str
@@ -72,22 +73,35 @@ def infer_model(
 
 
 def read_wheel(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint: Joint) -> Wheel:
-    """The wheel on a joint, as its shapes have it."""
-    pose = link_poses(robot)[joint.child]
-    own = shapes.get(joint.child, LinkShapes())
-    solid = own.any
+    """The wheel on a joint, as its shapes have it: the child, or the link that reaches farthest from the axle of those
+    that fixed joints hold to it, as a tyre on a hub. What collides counts before what is only seen."""
+    held = {joint.child: Pose3()}
+    pending = [joint.child]
+    for link in pending:
+        for each in robot.joints:
+            if each.parent == link and not each.single_dof:
+                held[each.child] = held[link] @ each.transform()
+                pending.append(each.child)
+    solid = [link for link in held if link in shapes and shapes[link].collisions]
+    wheels = [_wheel_of(robot, shapes, joint, link, held[link]) for link in solid or held]
+    return max(wheels, key=lambda each: each.radius)
+
+
+def _wheel_of(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint: Joint, link: str, held: Pose3) -> Wheel:
+    """What the shapes of ``link`` are as a wheel; ``held`` is its pose in the frame of the joint's child."""
+    solid = shapes.get(link, LinkShapes()).any
     flat = _across(joint.axis)
-    reach = [_reach(solid, _combine(flat, math.tau * each / ROLL_DIRECTIONS)) for each in range(ROLL_DIRECTIONS)]
-    out, back = _reach(solid, joint.axis), -_reach(solid, _scaled(joint.axis, -1.0))
+    reach = [_reach(solid, held, _combine(flat, math.tau * each / ROLL_DIRECTIONS)) for each in range(ROLL_DIRECTIONS)]
+    out, back = _reach(solid, held, joint.axis), -_reach(solid, held, _scaled(joint.axis, -1.0))
     spheres = [each for each in solid if each.kind == "sphere"]
-    middle = (out + back) / 2 if solid else 0.0
-    centre = _scaled(joint.axis, middle)
+    centre = Pose3(_scaled(joint.axis, (out + back) / 2 if solid else 0.0))
+    pose = link_poses(robot)[joint.child]
     return Wheel(
         joint=joint.name,
-        link=joint.child,
-        centre=centre,
-        place=(pose @ Pose3(centre)).position,
-        axle=joint.axis,
+        link=link,
+        centre=(held.inverse() @ centre).position,
+        place=(pose @ centre).position,
+        axle=rotate_inverse(held.orientation, joint.axis),
         direction=rotate(pose.orientation, joint.axis),
         radius=round(max(reach), 6) if solid else 0.0,  # angles in URDFs have few digits
         width=0.0 if len(spheres) == len(solid) else out - back,
@@ -347,8 +361,8 @@ class _Inference:
             )
 
 
-def _reach(shapes: Iterable[Shape], direction: Vector) -> float:
-    return max((support(each, Pose3(), direction) for each in shapes), default=0.0)
+def _reach(shapes: Iterable[Shape], frame: Pose3, direction: Vector) -> float:
+    return max((support(each, frame, direction) for each in shapes), default=0.0)
 
 
 def _across(axis: Vector) -> tuple[Vector, Vector]:

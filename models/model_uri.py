@@ -25,6 +25,11 @@ def find_resource(uri: str, source: Path, packages: PackagePath, access: FileAcc
     uri = unquote(uri.strip())
     scheme, _, rest = uri.partition("://")
     missing = None
+    if scheme == "file" and not rest.startswith("/"):
+        # Gazebo looks for file://models/NAME/... in its resource paths, of which the package is one.
+        for above in Path(os.path.abspath(source)).parents:
+            if (above / rest).is_file():
+                return find_file(str(above / rest), source, packages, access)
     if scheme in ("model", "package"):
         name = rest.partition("/")[0]
         for folder in _model_folders(source, packages):

@@ -188,6 +188,8 @@ class _Reader:
         top = worlds[0] if worlds else root
         bodies: list[WorldBody] = []
         for child in top.children:
+            if child.tag in ("model", "include") and self._is_out_of_reach(child):
+                continue
             match child.tag:
                 case "model":
                     bodies += self.model(child, IDENTITY, "", 0)
@@ -350,13 +352,12 @@ class _Reader:
         inertial = element.find("inertial")
         mass, centre, moments = 1.0, None, None
         if inertial is not None:
-            mass = max(LEAST_MASS, self._number(inertial, "mass", 1.0, positive=True, most=1e9))
+            mass = self._mass(inertial)
             if inertial.find("pose") is not None:
                 centre = self._pose(inertial.find("pose")).position
             tensor = inertial.find("inertia")
-            if tensor is not None and all(tensor.find(each) is not None for each in ("ixx", "iyy", "izz")):
-                x, y, z = (self._number(tensor, each, 0.0, most=1e12) for each in ("ixx", "iyy", "izz"))
-                moments = (x, y, z) if min(x, y, z) > 1e-12 else None
+            if tensor is not None:
+                moments = self._moments(tensor)
         return SdfLink(element.attributes.get("name", "link"), pose, parts, mass, centre, moments, friction)
 
     def _parts_of(self, element: SdfElement, pose: Pose3, stands: bool) -> list[BodyPart]:
@@ -423,8 +424,11 @@ class _Reader:
         self._note(kind, f"the shape is left out (known: {known})")
         return None
 
-    def _mesh(self, kind: SdfElement) -> Shape:
+    def _mesh(self, kind: SdfElement) -> Shape | None:
         x, y, z = self._vector(kind, "scale", (1.0, 1.0, 1.0))
+        if 0 in (x, y, z):
+            self._note(kind, "a mesh that is scaled by 0 is left out")
+            return None
         if (part := kind.find("submesh")) is not None:
             self._note(part, "the whole mesh is taken")
         file = self._file(kind)
@@ -523,6 +527,22 @@ class _Reader:
         r, g, b, _ = self._rgba(diffuse) if diffuse is not None else (1.0, 1.0, 1.0, 1.0)
         return Light(element.attributes.get("name", ""), (x, y, z), (r, g, b))
 
+    def _mass(self, inertial: SdfElement) -> float:
+        """kg; Gazebo drives on with 0, as some static models state, so that is as if none were stated."""
+        mass = self._number(inertial, "mass", 1.0, most=1e9)
+        if mass > 0:
+            return max(LEAST_MASS, mass)
+        self._note(inertial, f"a mass of {mass:g} kg is 1 kg here")
+        return 1.0
+
+    def _moments(self, tensor: SdfElement) -> Vector | None:
+        """kg m2; None where they follow from the shapes: Gazebo's editor writes nan beside a mass of 0."""
+        stated = [tensor.find(each) for each in ("ixx", "iyy", "izz")]
+        if any(each is None or each.text.lstrip("-").lower() == "nan" for each in stated):
+            return None
+        x, y, z = (self._number(tensor, each, 0.0, most=1e12) for each in ("ixx", "iyy", "izz"))
+        return (x, y, z) if min(x, y, z) > 1e-12 else None
+
     def _friction(self, element: SdfElement, default: float) -> float:
         ode = element.find("surface", "friction", "ode")
         if ode is None or ode.find("mu") is None:
@@ -561,6 +581,21 @@ class _Reader:
             raise
         except BadInput as error:
             self._fail(uri, str(error))
+
+    def _is_out_of_reach(self, element: SdfElement) -> bool:
+        """Whether a model of a world lies so far away that nobody meets it: it is named and left out.
+
+        Worlds that Gazebo saves have those that fell or flew away.
+        """
+        pose = element.find("pose")
+        try:
+            place = [float(each) for each in (pose.text if pose is not None else "").split()[:3]]
+        except ValueError:
+            return False
+        if pose is None or not any(MAX_VALUE < abs(each) < math.inf for each in place):
+            return False
+        self._note(pose, f"a model farther away than {MAX_VALUE:g} m is left out: {pose.text[:60]}", key=pose.text)
+        return True
 
     def _pose(self, element: SdfElement | None) -> Pose3:
         if element is None or not element.text:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -85,13 +86,21 @@ def parse_sdf(text: str, path: Path, roots: tuple[str, ...] = ROOTS) -> SdfEleme
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, characters
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
     try:
-        parser.Parse(without_comments(text).encode(), True)
+        parser.Parse(with_escaped_ampersands(without_comments(text)).encode(), True)
     except (expat.ExpatError, UnicodeEncodeError) as error:
         raise BadWorld(f"{path}:{line()}: the SDF is not XML: {error}") from None
     root = stack[0].children[0]
     if root.tag not in roots:
         raise BadWorld(f"{path}:{root.line}: the root is <{root.tag[:40]}>, not <{roots[0]}>")
     return root
+
+
+def with_escaped_ampersands(text: str) -> str:
+    """The text with every ``&`` that begins no reference as ``&amp;``.
+
+    Gazebo's parser takes one as it stands, as descriptions of models have it, XML does not.
+    """
+    return re.sub(r"&(?!(?:[A-Za-z_:][\w:.-]*|#\d+|#x[0-9A-Fa-f]+);)", "&amp;", text)
 
 
 def without_comments(text: str) -> str:

@@ -43,6 +43,9 @@ def main() -> None:
     """Read the request, answer it."""
     request = json.load(sys.stdin)
     resource.setrlimit(resource.RLIMIT_AS, (request["memory"], request["memory"]))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # At the limit comes SIGXCPU; who survives that is killed a second later.
+    resource.setrlimit(resource.RLIMIT_CPU, (request["time"], request["time"] + 1))
     answers, sys.stdout = sys.stdout, sys.stderr
     _find_packages(request)
     _track_lines()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,8 +16,10 @@ from pathlib import Path
 
 from messages.errors import BadInput
 
-DEADLINE_S = 20.0
-"""Wall time after which an expansion is ended; the largest published robots take 2 s."""
+MAX_TIME_S = 20
+"""Processor time after which an expansion is ended; the largest published robots take 2 s."""
+MAX_WAIT_S = 300.0
+"""Wall time likewise: a busy machine may be slow, and a xacro may wait for a file that never ends."""
 MAX_MEMORY = 2 << 30
 """Bytes of address space of the child."""
 
@@ -32,7 +35,11 @@ class BadXacro(BadInput):
 
 
 def expand_xacro(
-    path: Path, args: Mapping[str, XacroValue], packages: Sequence[Path] = (), deadline: float = DEADLINE_S
+    path: Path,
+    args: Mapping[str, XacroValue],
+    packages: Sequence[Path] = (),
+    max_time: int = MAX_TIME_S,
+    max_wait: float = MAX_WAIT_S,
 ) -> str:
     """The URDF that a xacro makes; raises BadXacro.
 
@@ -40,13 +47,15 @@ def expand_xacro(
         path: The xacro.
         args: Values of its ``<xacro:arg>``.
         packages: Folders of packages for ``$(find NAME)``, beside those of ``models.packages``.
-        deadline: Wall time, s.
+        max_time: Processor time, s.
+        max_wait: Wall time, s.
     """
     request = {
         "file": os.path.abspath(path),
         "args": {name: _text(value) for name, value in args.items()},
         "packages": [str(each) for each in packages],
         "memory": MAX_MEMORY,
+        "time": max_time,
     }
     search = os.pathsep.join(dict.fromkeys([str(_ROOT), *(each for each in sys.path if each)]))
     child = subprocess.Popen(
@@ -58,11 +67,15 @@ def expand_xacro(
         start_new_session=True,
     )
     try:
-        answer, said = child.communicate(json.dumps(request).encode(), deadline)
+        answer, said = child.communicate(json.dumps(request).encode(), max_wait)
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
-        raise BadXacro(f"{path}: the xacro was not expanded within {deadline:g} s: does a macro call itself?") from None
+        raise BadXacro(f"{path}: the xacro was not expanded within {max_wait:g} s: what does it wait for?") from None
+    if child.returncode == -signal.SIGXCPU:
+        raise BadXacro(
+            f"{path}: the xacro was not expanded within {max_time} s of processor time: does a macro call itself?"
+        )
     try:
         found = json.loads(answer)
     except ValueError:

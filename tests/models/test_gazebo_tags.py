@@ -104,6 +104,41 @@ def test_drives_by_their_other_names() -> None:
     assert "rollers" in tags_of(mecanum).notes[0]
 
 
+def test_a_body_that_a_force_moves() -> None:
+    tag = (
+        '<gazebo><plugin name="m" filename="libmaker_ros_force_based_move.so"><commandTopic>base/cmd_vel</commandTopic>'
+        "<odometryTopic>odom</odometryTopic><publishOdometryTf>0</publishOdometryTf><cmdVelTimeOut>0.25</cmdVelTimeOut>"
+        "<yaw_velocity_p_gain>500</yaw_velocity_p_gain><x_velocity_p_gain>1e4</x_velocity_p_gain>"
+        "<y_velocity_p_gain>1e4</y_velocity_p_gain><max_x_velocity>0.8</max_x_velocity>"
+        "<max_y_velocity>0.8</max_y_velocity><max_yaw_velocity>1.5</max_yaw_velocity></plugin></gazebo>"
+    )
+    tags = tags_of(tag)
+    assert tags.drive == DriveTag("holonomic", "r.urdf:2", max_linear=0.8, max_angular=1.5)
+    assert (tags.topics, tags.odometry, tags.odom_tf, tags.ignored) == ({"cmd_vel": "base/cmd_vel"}, "world", False, ())
+    stiff = tags_of(tag.replace("<y_velocity_p_gain>1e4", "<y_velocity_p_gain>0.0"))
+    assert stiff.drive is None, "no force moves it sideways: its wheels drive it"
+    assert (stiff.topics, stiff.odometry) == ({"cmd_vel": "base/cmd_vel"}, "world")
+    assert [each.split(": ")[1] for each in stiff.ignored] == [
+        "<max_x_velocity>",
+        "<max_y_velocity>",
+        "<max_yaw_velocity>",
+    ]
+
+
+def test_the_base_of_a_turtlebot_2() -> None:
+    tags = tags_of(
+        '<gazebo><plugin name="k" filename="libgazebo_ros_kobuki.so"><publish_tf>0</publish_tf>'
+        "<left_wheel_joint_name>l</left_wheel_joint_name><right_wheel_joint_name>r</right_wheel_joint_name>"
+        "<wheel_separation>.230</wheel_separation><wheel_diameter>0.070</wheel_diameter><torque>1.0</torque>"
+        "<velocity_command_timeout>0.6</velocity_command_timeout><imu_name>imu</imu_name>"
+        "<bumper_name>bumpers</bumper_name></plugin></gazebo>"
+    )
+    assert tags.drive == DriveTag("differential", "r.urdf:2", ("l",), ("r",), separation=0.23, radius=0.035, torque=1.0)
+    assert tags.topics == {"cmd_vel": "mobile_base/commands/velocity", "imu": "mobile_base/sensors/imu_data"}
+    assert not tags.odom_tf
+    assert [each.split(": ")[1] for each in tags.ignored] == ["<bumper_name>"]
+
+
 def test_a_laser_all_around_and_one_of_gz() -> None:
     ray = (
         "<{0}><scan><horizontal><samples>360</samples><min_angle>0</min_angle><max_angle>6.28319</max_angle>"

@@ -9,11 +9,14 @@ from xml.etree import ElementTree
 import pytest
 
 from models import MODELS, UnknownModel, display_name, physics_urdf_path, urdf_path, viewer_urdf_path
+from models.inferred import read_wheel
+from models.mesh import read_mesh
 from models.model import read_model
 from models.packages import FileAccess, FileNotAllowed
 from models.robot_facts import read_facts
 from models.robot_source import resolve_robot, resolve_urdf_text
-from models.urdf import BadUrdf, parse_urdf, read_robot
+from models.shapes import read_shapes
+from models.urdf import BadUrdf, parse_urdf, parse_xml, read_robot
 from models.xacro_file import BadXacro, expand_xacro
 from services.runtime.errors import BadInput
 from tests.models.sample_robots import inertial, joint, link, robot, shape, write, write_meshes, write_package
@@ -223,8 +226,10 @@ def test_a_xacro_is_expanded_without_ros(tmp_path: Path, monkeypatch: pytest.Mon
         with pytest.raises(BadInput, match=told):
             resolve_robot(str(package / "urdf" / "wrong.xacro"), Path("/"))
     write(package / "urdf" / "endless.xacro", f'{head}<link name="${{9**9**9}}"/></robot>')
-    with pytest.raises(BadXacro, match=r"not expanded within 0.5 s"):
-        expand_xacro(package / "urdf" / "endless.xacro", {}, deadline=0.5)
+    with pytest.raises(BadXacro, match=r"not expanded within 1 s of processor time: does a macro call itself"):
+        expand_xacro(package / "urdf" / "endless.xacro", {}, max_time=1)
+    with pytest.raises(BadXacro, match=r"not expanded within 0.1 s: what does it wait for"):
+        expand_xacro(package / "urdf" / "endless.xacro", {}, max_wait=0.1)
 
 
 def test_bad_robots_are_refused_with_file_and_line(tmp_path: Path) -> None:
@@ -353,3 +358,26 @@ def test_a_folder_with_a_model_file_has_its_figures(tmp_path: Path) -> None:
 def test_names_here_stay_what_they_are() -> None:
     assert [display_name(each) for each in MODELS] == list(MODELS)
     assert physics_urdf_path("burger") == viewer_urdf_path("burger") == urdf_path("burger")
+
+
+def test_a_wheel_is_what_is_largest_of_what_a_joint_turns() -> None:
+    """A tyre that is fixed to a hub, moved and turned: the joint turns about y, which is the tyre's x."""
+    tyre = shape("collision", '<cylinder radius="0.1" length="0.04"/>', xyz="0 0.02 0", rpy="0 1.5707963267948966 0")
+    text = robot(
+        link("base_link", inertial()),
+        link("hub", inertial(), shape("collision", '<sphere radius="0.03"/>')),
+        link("tyre", inertial(), tyre),
+        link("cap", inertial(), shape("visual", '<sphere radius="0.3"/>')),
+        joint("axle", "continuous", "base_link", "hub", '<origin xyz="1 2 0.1"/><axis xyz="0 1 0"/>'),
+        joint("bolt", "fixed", "hub", "tyre", '<origin xyz="0.02 0.05 0" rpy="0 0 1.5707963267948966"/>'),
+        joint("glue", "fixed", "tyre", "cap"),
+    )
+    shapes = read_shapes(parse_xml(text), lambda file: read_mesh(Path(file)))
+    description = parse_urdf(text)
+    wheel = read_wheel(description, shapes, description.joints[0])
+    assert (wheel.joint, wheel.link) == ("axle", "tyre")
+    assert (wheel.radius, wheel.width) == pytest.approx((0.1, 0.04))
+    assert wheel.centre == pytest.approx((0.0, 0.02, 0.0))
+    assert wheel.place == pytest.approx((1.0, 2.05, 0.1))
+    assert wheel.axle == pytest.approx((1.0, 0.0, 0.0))
+    assert wheel.direction == pytest.approx((0.0, 1.0, 0.0))

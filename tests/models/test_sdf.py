@@ -244,6 +244,63 @@ def test_a_world_is_read_without_the_files_that_are_not_there(package: Path) -> 
         bodies_of_sdf_model('<sdf><model name="m"><link name="l">' + part.format("far/a.stl") + "</link></model></sdf>")
 
 
+def test_a_world_is_read_without_what_flew_away(package: Path) -> None:
+    far = '<pose frame="">1 2 343582.7 0 0 0</pose>'
+    text = (
+        f'<sdf version="1.6"><world name="w">\n<model name="m">{far}<include><uri>model://box</uri></include></model>\n'
+        f"<include><uri>model://box</uri>{far.replace('1 2', '1 3')}</include>\n"
+        "<include><uri>model://box</uri><pose>1 2 10000 0 0 0</pose></include></world></sdf>"
+    )
+    world = read(package, text)
+    assert [body.pose.position for body in world.bodies] == [(1.0, 2.0, 10000.0)]
+    assert [note.partition(".world:")[2] for note in world.notes] == [
+        "2: <pose>: a model farther away than 10000 m is left out: 1 2 343582.7 0 0 0",
+        "3: <pose>: a model farther away than 10000 m is left out: 1 3 343582.7 0 0 0",
+    ]
+    for bad in ("1 2 inf 0 0 0", "1 2 nan 0 0 0", "1 2 10000", "1 2 x 0 0 0"):
+        with pytest.raises(BadWorld, match="expected 6 numbers up to 10000"):
+            read(package, text.replace("1 2 10000 0 0 0", bad))
+
+
+def test_no_mass_and_no_extent_cost_no_world(package: Path) -> None:
+    text = WORLD.replace("<mass>2.5</mass>", "<mass>0</mass>").replace("<ixx>0.1<", "<ixx>-nan<")
+    text = text.replace(
+        "<sphere><radius>0.3</radius></sphere>", "<mesh><scale>1 0 0</scale><uri>model://box/flat.dae</uri></mesh>"
+    )
+    world = read(package, text)
+    crate = next(body for body in world.bodies if body.name == "crate")
+    assert crate.moments is None
+    assert (crate.mass, [type(part.shape) for part in crate.parts]) == (1.0, [CylinderShape])
+    told = {note.partition(": ")[2] for note in world.notes}
+    assert {"<inertial>: a mass of 0 kg is 1 kg here", "<mesh>: a mesh that is scaled by 0 is left out"} <= told
+
+
+def test_a_file_is_found_from_the_folder_of_the_package(package: Path) -> None:
+    (package / "models" / "box" / "wedge.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+    )
+    mesh = "<mesh><uri>file://models/box/{}.obj</uri></mesh>"
+    (package / "models" / "box" / "model-1_6.sdf").write_text(
+        BOX.replace("<box><size>0.5 0.5 0.5</size></box>", mesh.format("wedge"))
+    )
+    include = '<sdf version="1.6"><world name="w"><include><uri>model://box</uri></include></world></sdf>'
+    world = read(package, include)
+    assert isinstance(only(world).parts[0].shape, MeshShape)
+    assert world.notes == ()
+    assert "no.obj" in read(package, model(mesh.format("no"))).missing[0]
+
+
+def test_an_ampersand_may_stand_by_itself(package: Path) -> None:
+    config = package / "models" / "box" / "model.config"
+    described = "<description>lid, door & car &amp; &#38; &c</description>"
+    config.write_text(config.read_text().replace("</name>", f"</name>{described}"))
+    world = read(package, WORLD.replace('"yard"', '"yard & garden"'))
+    assert (world.about, len(world.bodies)) == ("yard & garden", 9)
+    config.write_text(config.read_text().replace("& car", "R&D; car"))
+    with pytest.raises(BadWorld, match=r"model\.config:1: the SDF is not XML: undefined entity"):
+        read(package, WORLD)
+
+
 def test_a_model_as_text_becomes_bodies_where_it_is_put(package: Path) -> None:
     found = bodies_of_sdf_model(BOX, "mine", Pose3.planar(1.0, 2.0, math.pi / 2))
     (body,) = found.bodies

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from deploy.commands.model import command
 from services.sim.model_check import ModelCheck, check_model
 from tests.models import robots
+from tests.models.sample_robots import inertial
 
 pytestmark = pytest.mark.slow
 
@@ -130,6 +131,36 @@ def test_wheels_without_a_tag_are_found_by_their_shapes(tmp_path: Path, check: C
     assert found.base.separation == pytest.approx(0.3)
     assert "no tag names a drive" in found.notes[-1]
     assert found.ok, found
+
+
+def test_tyres_on_hubs_drive(tmp_path: Path, check: Checker) -> None:
+    text = (FOLDER / "courier.urdf").read_text()
+    mass = inertial(0.05, 2e-5)
+    look = '<visual><geometry><cylinder radius="0.04" length="0.06"/></geometry></visual>'
+    for side in ("left", "right"):
+        hub, tyre = f"{side}_hub", f"{side}_wheel"
+        text = text.replace(f'<child link="{tyre}"/>', f'<child link="{hub}"/>')
+        text = text.replace(
+            f'<link name="{tyre}">',
+            f'<link name="{hub}">{mass}{look}<collision><geometry><box size="0 0 0"/></geometry></collision></link>'
+            f'<joint name="{hub}_fixed" type="fixed"><parent link="{hub}"/><child link="{tyre}"/></joint>'
+            f'<link name="{tyre}">',
+        )
+    own = tmp_path / "hubs.urdf"
+    own.write_text(text)
+    found = check_model(str(own), tmp_path)
+    assert found.base is not None
+    assert (found.base.radius, found.base.shape_radius) == pytest.approx((0.06, 0.06)), (
+        "that of what touches the ground"
+    )
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 1e-3
+    plain = text[: text.index("  <gazebo")] + "</robot>"
+    own.write_text(plain)
+    guessed = check_model(str(own), tmp_path, drive=False).base
+    assert guessed is not None
+    assert guessed.left_joints == ("left_wheel_joint",)
+    assert guessed.radius == pytest.approx(0.06)
 
 
 def test_supports_a_little_lower_than_the_wheels_let_them_stand(tmp_path: Path, check: Checker) -> None:
