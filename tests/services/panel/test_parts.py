@@ -179,6 +179,8 @@ def test_the_address_is_for_its_owner_alone_and_the_token_outlives_a_restart(tmp
     assert token_for(file, 1) == token
     assert token_for(file, 2) != token, "on another port it is told to somebody else"
     assert token_for(None, 1) != token_for(None, 1)
+    file.write_bytes(b'{"port": 1, "token": "\xe5", "pid": 2}')
+    assert read_address(file) is None
     file.write_text("{")
     assert read_address(file) is None
     assert token_for(file, 1) != token
