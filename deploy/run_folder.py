@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from deploy.report.record import PICTURE_FILE, REPORT_FILE
+from messages.base import DECODE_ERRORS
 from messages.elea import FleetState
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE
 from services.logger.file_rotation import rotated
@@ -112,7 +113,7 @@ def read_state(path: Path) -> FleetState | None:
     """The state that a supervisor left in a run's folder."""
     try:
         return msgspec.json.decode((path / STATE_FILE).read_bytes(), type=FleetState)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, *DECODE_ERRORS):
         return None
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from messages.base import DECODE_ERRORS
 from messages.errors import BadInput, unknown_name
 from messages.se3 import Pose3, quaternion_from_rpy
 from models import UnknownModel, model_config_path, physics_urdf_path
@@ -258,7 +259,7 @@ def _without_file(model: str) -> RobotModel:
     """What was inferred from the URDF when the robot's folder was made."""
     try:
         return msgspec.json.decode((Path(model) / INFERRED_FILE).read_bytes(), type=RobotModel)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, *DECODE_ERRORS):
         raise UnknownModel(f"the files of the robot {model} are gone or damaged: name it by its own file") from None
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from messages.base import DECODE_ERRORS
 from models import UnknownModel
 from models.robot_cache import is_made
 
@@ -54,7 +55,7 @@ def read_facts(model: str) -> RobotFacts:
     """What was found out about a robot that was made; raises UnknownModel."""
     try:
         return msgspec.json.decode((Path(model) / "facts.json").read_bytes(), type=RobotFacts)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, *DECODE_ERRORS):
         raise UnknownModel(f"there is no robot {model} any more: spawn it, or start the fleet, by its file") from None
 
 

@@ -22,7 +22,7 @@ import msgspec
 import numpy as np
 
 from deploy.report.record import REPORT_FILE, Report
-from messages.base import WrongPayload
+from messages.base import DECODE_ERRORS, WrongPayload
 from services.bag.csv_export import MAX_COLUMNS, flatten
 from services.bag.reader import Bag, open_bag, plain_decoder
 from services.grader.records import ARM_TRAIL_COLUMNS, ROBOT_TRAIL_COLUMNS, TRAJECTORIES_FILE
@@ -148,7 +148,7 @@ def read_report(folder: Path) -> Report | None:
     """The report of a run; None when there is none that can be read."""
     try:
         return msgspec.json.decode((folder / REPORT_FILE).read_bytes(), type=Report)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, *DECODE_ERRORS):
         return None
 
 

@@ -9,6 +9,7 @@ import msgspec
 from deploy.report.checks import Bounds, check_figures
 from deploy.report.notes import real_time_notes
 from deploy.report.record import PICTURE_FILE, REPORT_FILE, SCHEMA, Report, RunFacts, member_notes, run_figures
+from messages.base import DECODE_ERRORS
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE, Measurements
 from services.grader.results import write_atomic
 from services.runtime.errors import BadInput
@@ -21,7 +22,7 @@ def read_measurements(folder: Path) -> Measurements:
         return msgspec.json.decode(path.read_bytes(), type=Measurements)
     except FileNotFoundError:
         raise BadInput(f"no {MEASUREMENTS_FILE} in {folder}: the grader ended before the run; see its log") from None
-    except (OSError, msgspec.MsgspecError) as error:
+    except (OSError, *DECODE_ERRORS) as error:
         raise BadInput(f"{path} cannot be read: {error}") from None
 
 

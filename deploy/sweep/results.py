@@ -14,6 +14,7 @@ import msgspec.inspect
 from deploy.report.checks import KEYS, RUN_KEYS
 from deploy.report.record import REPORT_FILE, Report, RunFigures
 from deploy.sweep.definition import Definition, Run
+from messages.base import DECODE_ERRORS
 from services.grader.records import ArmFigures, RobotFigures
 from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput, unknown_name
@@ -40,7 +41,7 @@ def read_result(folder: Path) -> Result | None:
     """The result of the run in a folder; None when it has not ended by itself yet."""
     try:
         return msgspec.json.decode((folder / RESULT_FILE).read_bytes(), type=Result)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, *DECODE_ERRORS):
         return None
 
 
@@ -48,7 +49,7 @@ def read_report(folder: Path) -> Report | None:
     """The report in a folder of a run, if it is there and whole."""
     try:
         return msgspec.json.decode((folder / REPORT_FILE).read_bytes(), type=Report)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, *DECODE_ERRORS):
         return None
 
 

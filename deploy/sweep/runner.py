@@ -19,6 +19,7 @@ from deploy.report.record import REPORT_FILE
 from deploy.run_fleet import INTERRUPTED
 from deploy.sweep.definition import Definition, Run
 from deploy.sweep.results import RESULT_FILE, Result, read_result
+from messages.base import DECODE_ERRORS
 from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import running_fleets
@@ -77,7 +78,7 @@ def read_definition(folder: Path) -> Definition:
         return msgspec.json.decode(file.read_bytes(), type=Definition)
     except OSError as error:
         raise BadInput(f"{folder} is no folder of a sweep: {file}: {error.strerror}") from None
-    except msgspec.MsgspecError as error:
+    except DECODE_ERRORS as error:
         raise BadInput(f"{file} is damaged: {error}") from None
 
 

@@ -76,7 +76,7 @@ class DisplayScene:
 
     def add(self, topic: str, message: Message, now: int) -> None:
         """Draw a message that came at ``now`` [ns], or keep it until it is due."""
-        if now < self._due.get(topic, 0):
+        if now < self._due.get(topic, now):
             self._held[topic] = message
             return
         self._held.pop(topic, None)
@@ -88,7 +88,7 @@ class DisplayScene:
         for topic, shown in self._sets.items():
             self._expire(topic, shown, now)
         for topic in [each for each in self._held if final or now >= self._due[each]]:
-            self._due[topic] = 0
+            del self._due[topic]
             self.add(topic, self._held.pop(topic), now)
 
     def _show(self, topic: str, message: Message, now: int) -> None:

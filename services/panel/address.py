@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from messages.base import DECODE_ERRORS
 from services.runtime.atomic_file import write_atomic
 
 ADDRESS_FILE = "panel.json"
@@ -35,7 +36,7 @@ def read_address(path: Path) -> Address | None:
     """The address in a file, None when there is none."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Address)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, *DECODE_ERRORS):
         return None
 
 

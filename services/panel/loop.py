@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from services.panel import PanelParameters
-from services.panel.address import Address, token_for, write_address
+from services.panel.address import Address, read_address, token_for, write_address
 from services.panel.auth import Authenticator
 from services.panel.hub import Hub
 from services.panel.pages import PageRegistry
@@ -21,9 +21,11 @@ def run(ctx: Context[PanelParameters]) -> None:
     """Serve the page until told to stop. The loop beats whatever pages and requests do."""
     p, node = ctx.params, ctx.node
     path = Path(p.address).absolute() if p.address else None
-    listening = listen(p.port)
+    known = read_address(path) if path is not None else None
+    earlier = None if known is None else known.port
+    listening = listen(p.port, earlier)
     port = listening.getsockname()[1]
-    if p.port not in (0, port):
+    if p.port not in (0, port) and port != earlier:
         ctx.log.warn(f"port {p.port} is taken: the page is on {port}")
     auth = Authenticator(token := token_for(path, port), port)
     pages = PageRegistry(node.transport.wake, p.pages)

@@ -33,10 +33,14 @@ START_TIMEOUT_S = 10.0
 STOP_TIMEOUT_S = 2.0
 
 
-def listen(port: int) -> socket.socket:
-    """A socket that listens on the loopback, on ``port`` or the next that is free; raises BadInput without any."""
+def listen(port: int, earlier: int | None = None) -> socket.socket:
+    """A socket that listens on the loopback, on ``port`` or the next that is free; raises BadInput without any.
+
+    The port of an ``earlier`` life comes first if it is one of these: pages that are open return there.
+    """
     last = min(port + PORT_TRIES - 1, 65535)
-    for candidate in range(port, last + 1) if port else (0,):
+    ports = range(port, last + 1) if port else range(1)
+    for candidate in sorted(ports, key=lambda each: each != earlier):
         made = socket.socket()
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from messages.base import DECODE_ERRORS
 from messages.names import BadName
 from messages.names import key as checked_key
 from messages.parameters import (
@@ -208,7 +209,7 @@ def _apply(ctx: Context[ParamsParameters], server: ParameterServer, due: Schedul
 def _read_progress(ctx: Context[ParamsParameters], file: Path) -> ScheduledChanges:
     try:
         return read_progress(file)
-    except (OSError, msgspec.MsgspecError) as error:
+    except (OSError, *DECODE_ERRORS) as error:
         ctx.log.warn(f"{file} cannot be read, scheduled changes that are due are made again: {error}")
         return ScheduledChanges()
 

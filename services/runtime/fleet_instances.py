@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 import msgspec
 
+from messages.base import DECODE_ERRORS
 from services.runtime.user_folders import instances_folder
 
 
@@ -42,7 +43,7 @@ def running_fleets() -> tuple[FleetInstance, ...]:
                 if not is_locked(file.fileno()):
                     continue
                 found.append(msgspec.json.decode(file.read(), type=FleetInstance))
-        except (OSError, msgspec.MsgspecError):
+        except (OSError, *DECODE_ERRORS):
             continue
     return tuple(found)
 
@@ -54,7 +55,7 @@ def latest() -> FleetInstance | None:
     for path in instances_folder().glob("*.json"):
         try:
             found.append((path.stat().st_mtime_ns, msgspec.json.decode(path.read_bytes(), type=FleetInstance)))
-        except (OSError, msgspec.MsgspecError):
+        except (OSError, *DECODE_ERRORS):
             continue
     return max(found, key=lambda each: each[0])[1] if found else None
 

@@ -117,5 +117,6 @@ def test_state_folder_that_cannot_be_made(port: int, tmp_path: Path, monkeypatch
 
 def test_damaged_entry_is_no_fleet(port: int) -> None:
     with instance_lock(entry(port)):
-        (instances_folder() / f"{port}.json").write_text("{")
-        assert running_fleets() == ()
+        for damaged in (b"{", b'{"fleet": "\xe5"}'):
+            (instances_folder() / f"{port}.json").write_bytes(damaged)
+            assert running_fleets() == ()

@@ -33,7 +33,7 @@ AGAIN_S = 0.2, 1.0, 4.0
 """Wall time [s] after which a publisher is asked again from which nothing came at all: it has sent nothing yet, or its
 token came before the way to it was known, as while two peers that met through a router are being linked."""
 RECENT = 64
-"""Samples by which one that arrives on both ways, sent and fetched, is recognized."""
+"""Samples by which one that arrives on both ways, sent and fetched, is recognized; of one answer, no more are taken."""
 
 Run = Callable[[Callable[[], None]], None]
 """Has the thread call something."""
@@ -75,7 +75,11 @@ class LatchedPublisher:
 
 
 class LatchedPast:
-    """The fetched samples of one subscription. A sample may be sent, fetched, or both: then the second is dropped."""
+    """The fetched samples of one subscription. A sample may be sent, fetched, or both: then the second is dropped.
+
+    Both copies have one timestamp and one content. The timestamp alone does not do: a program that sends something else
+    with the one of a latched sample, which it can ask for as everybody does, would silence it.
+    """
 
     def __init__(self, session: Any, run: Run, run_later: RunLater) -> None:
         self._run, self._run_later, self._session = run, run_later, session
@@ -119,17 +123,18 @@ class LatchedPast:
             sample = self._waiting.popleft()
             if stamp is None:
                 return sample
-            if stamp not in self._sent and stamp not in self._fetched:
-                self._fetched.append(stamp)
+            identity = _identity(sample)
+            if identity not in self._sent and identity not in self._fetched:
+                self._fetched.append(identity)
                 return sample
         return None
 
     def _is_new(self, sample: Any) -> bool:
         """Whether a sample that was sent has not been fetched before."""
-        if (stamp := sample.timestamp) is None:
+        if sample.timestamp is None:
             return True
-        self._sent.append(stamp)
-        return stamp not in self._fetched
+        self._sent.append(identity := _identity(sample))
+        return identity not in self._fetched
 
     def close(self) -> None:
         """Fetch no more."""
@@ -150,14 +155,15 @@ class LatchedPast:
         """Ask the publisher of a token, from which nothing came ``before`` so many times."""
         if token not in self._tokens:
             return
-        late = answered = False
+        late, answered = False, 0
 
         def on_reply(reply: Any) -> None:
             nonlocal late, answered
             if reply.ok is not None:
-                answered = True
-                self._waiting.append(reply.ok)
-                self._run(self._notify)
+                answered += 1
+                if answered <= RECENT:
+                    self._waiting.append(reply.ok)
+                    self._run(self._notify)
             elif reply.err is not None:
                 late = late or reply.err.payload.to_bytes() == TIMEOUT
 
@@ -175,6 +181,12 @@ class LatchedPast:
             consolidation=zenoh.ConsolidationMode.NONE,
             congestion_control=zenoh.CongestionControl.BLOCK,  # the answer's is the question's
         )
+
+
+def _identity(sample: Any) -> tuple[Any, int, int]:
+    """What the copies of a sample have in common; Python's hashes of bytes have a secret of each process in them."""
+    beside = sample.attachment
+    return sample.timestamp, hash(sample.payload.to_bytes()), hash(b"" if beside is None else beside.to_bytes())
 
 
 class Latching:

@@ -418,6 +418,9 @@ def test_no_measurements_is_said_plainly(tmp_path: Path) -> None:
     (tmp_path / "measurements.json").write_text('{"ended": "goals"}')
     with pytest.raises(BadInput, match="sim_seconds"):
         read_measurements(tmp_path)
+    (tmp_path / "measurements.json").write_bytes(b'{"ended": "go\xe5ls"}')
+    with pytest.raises(BadInput, match="cannot be read"):
+        read_measurements(tmp_path)
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_run(tmp_path: Path) -> None:

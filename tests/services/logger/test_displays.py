@@ -102,6 +102,21 @@ def test_markers_of_all_kinds_are_drawn_and_deleted(tmp_path: Path) -> None:
     assert again.tolist() == [0], "after a reset it is still there"
 
 
+def test_a_time_before_zero_is_a_time(tmp_path: Path) -> None:
+    """A clock that another program sets may begin anywhere."""
+    file, step = tmp_path / "run.rrd", 10_000_000
+    with Recording(file, [], EXTENT, pytest.fail) as recording:
+        scene = DisplayScene(recording.log_at, lambda _: IDENTITY, pytest.fail)
+        for number in range(10):
+            now = step * (number - 20)
+            scene.add("/turtle1/pose", Pose(x=float(number)), now)
+            scene.update(now)
+        scene.update(now, final=True)
+    times, places = columns(file, "/turtles/turtle1/pose", "Transform3D:translation")
+    assert times.tolist() == [-20 * step, -16 * step, -12 * step, -11 * step], "25 a second, and the last"
+    assert [place[0][0] for place in places] == [0.0, 4.0, 8.0, 9.0]
+
+
 def test_the_logger_reads_what_others_publish(tmp_path: Path) -> None:
     file, topic = tmp_path / "run.rrd", Topic("/drawn", Marker, 0, Quality.EVENT, "")
     turtle = TURTLE_POSE.named("/turtle1/pose")

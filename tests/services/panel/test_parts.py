@@ -152,6 +152,18 @@ def test_a_taken_port_gives_way_to_the_next() -> None:
             assert second.getsockname()[0] == "127.0.0.1"
 
 
+def test_the_port_of_an_earlier_life_comes_before_a_lower_one_that_has_become_free() -> None:
+    with listen(0) as first:
+        port = first.getsockname()[1]
+        with listen(port) as second:
+            earlier = second.getsockname()[1]
+    with listen(port, earlier) as again, listen(port, earlier) as other:
+        assert again.getsockname()[1] == earlier
+        assert other.getsockname()[1] == port, "it is taken"
+    with listen(port, port + 30) as third:
+        assert third.getsockname()[1] == port, "that is not one of the ports that were asked for"
+
+
 def test_all_ports_taken_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("services.panel.server.PORT_TRIES", 1)
     with listen(0) as first, pytest.raises(BadInput, match="are all taken: choose another with port=N"):
@@ -167,6 +179,8 @@ def test_the_address_is_for_its_owner_alone_and_the_token_outlives_a_restart(tmp
     assert token_for(file, 1) == token
     assert token_for(file, 2) != token, "on another port it is told to somebody else"
     assert token_for(None, 1) != token_for(None, 1)
+    file.write_bytes(b'{"port": 1, "token": "\xe5", "pid": 2}')
+    assert read_address(file) is None
     file.write_text("{")
     assert read_address(file) is None
     assert token_for(file, 1) != token

@@ -16,6 +16,7 @@ import zenoh
 
 from messages.topics import Quality
 from services.runtime.process import PARENT, ROOT
+from services.runtime.transport.latching import RECENT
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
@@ -151,6 +152,68 @@ def test_a_publisher_that_hangs_keeps_nobody_elses_samples_back(router: str) -> 
         finally:
             os.kill(other.pid, signal.SIGCONT)
         wait_until(lambda: has(bytes(BYTES)), 20.0, "what it keeps, as soon as it goes on")
+
+
+def test_a_strangers_sample_with_its_timestamp_does_not_silence_what_is_kept(router: str) -> None:
+    with (
+        ZenohTransport(configuration("direct", (router,), reliable=True)) as transport,
+        external_client(router) as stranger,
+        peer(router) as other,
+    ):
+        keys = wait_until(lambda: stranger_tokens(stranger), 20.0, "the publisher")
+        answers = stranger.get(keys[0], accept_replies=zenoh.ReplyKeyExpr.ANY)
+        kept = next(reply.ok for reply in answers if reply.ok is not None)
+        stop(other.pid)
+        try:
+            late = transport.subscribe("theirs/0", 4, latched=True)
+            forger = stranger.declare_publisher("theirs/0", congestion_control=zenoh.CongestionControl.BLOCK)
+            wait_until(lambda: forger.matching_status.matching, 20.0, "the subscription")
+            forger.put(b"forged", attachment=b"", timestamp=kept.timestamp)
+            first = wait_until(late.recv, 20.0, "what is forged")
+            assert first is not None
+            assert first[0] == b"forged"
+        finally:
+            os.kill(other.pid, signal.SIGCONT)
+        second = wait_until(late.recv, 20.0, "what is kept")
+        assert second is not None
+        assert second[0] == bytes(BYTES)
+
+
+def stranger_tokens(session: zenoh.Session) -> list[str]:
+    """The tokens of those that keep a sample of the topic theirs/0, as any program sees them."""
+    return [str(each.ok.key_expr) for each in session.liveliness().get("theirs/0/@adv/**") if each.ok is not None]
+
+
+def test_an_answer_without_an_end_takes_no_memory(router: str) -> None:
+    with (
+        ZenohTransport(configuration("direct", (router,), reliable=True)) as transport,
+        external_client(router) as stranger,
+    ):
+        answered = threading.Event()
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                for number in range(10 * RECENT):
+                    query.reply("theirs", b"%d" % number, timestamp=stranger.new_timestamp())
+            answered.set()
+
+        key = f"theirs/@adv/pub/{stranger.zid()}/uhlc/0"
+        stranger.declare_queryable(key, answer)
+        token = stranger.liveliness().declare_token(key)
+        late = transport.subscribe("theirs", 4, latched=True)
+        assert answered.wait(20.0)
+        sender = stranger.declare_publisher("theirs", congestion_control=zenoh.CongestionControl.BLOCK)
+        wait_until(lambda: sender.matching_status.matching, 20.0, "the subscription")
+        sender.put(b"last", timestamp=stranger.new_timestamp())  # behind the answers, on the same link
+        found: list[bytes] = []
+
+        def all_read() -> bool:
+            found.extend(sample[0] for sample in iter(late.recv, None))
+            return b"last" in found
+
+        wait_until(all_read, 20.0, "the last sample")
+        assert found == [*(b"%d" % number for number in range(RECENT)), b"last"]
+        token.undeclare()
 
 
 @pytest.mark.parametrize("role", ["direct", "star"])
