@@ -221,6 +221,19 @@ class Float32Array(Array):
     __slots__ = ()
 
 
+def take_array(record: Message, field: str, wanted: type[Array]) -> Array:
+    """The array that a field of a frozen record holds; what it was made from, a list or numpy array, is replaced by it.
+
+    For ``__post_init__`` of records with arrays. Raises what ``Array`` does for what is none.
+    """
+    value = getattr(record, field)
+    if isinstance(value, Array):
+        return value
+    made = wanted(value)
+    msgspec.structs.force_setattr(record, field, made)
+    return made
+
+
 Packed36 = Ext | Annotated[tuple[float, ...], Meta(min_length=36, max_length=36)]
 """ROS ``float64[36]``: a 6x6 matrix in row-major order over x, y, z, roll, pitch, yaw.
 

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from messages.base import Finite, Float32Array, Matrix3, Message, Metres, Radians
+from messages.base import Finite, Float32Array, Matrix3, Message, Metres, Radians, take_array
 from messages.geometry import Point32, Quaternion, Vector3
 from messages.std import Header
 
@@ -46,7 +46,8 @@ class LaserScan(Message, frozen=True, kw_only=True):
     intensities: Float32Array = Float32Array()
 
     def __post_init__(self) -> None:
-        ranges, intensities = self.ranges.shape, self.intensities.shape
+        ranges = take_array(self, "ranges", Float32Array).shape
+        intensities = take_array(self, "intensities", Float32Array).shape
         if len(ranges) != 1 or intensities not in ((0,), ranges):
             raise ValueError(
                 f"ranges and intensities are flat and of one length, got shapes {ranges} and {intensities}"
@@ -77,6 +78,9 @@ class ChannelFloat32(Message, frozen=True, kw_only=True):
     ROS_TYPE: ClassVar[str] = "sensor_msgs/ChannelFloat32"
     name: str = ""
     values: Float32Array = Float32Array()
+
+    def __post_init__(self) -> None:
+        take_array(self, "values", Float32Array)
 
 
 class PointCloud(Message, frozen=True, kw_only=True):

@@ -11,7 +11,7 @@ import pytest
 from messages import base
 from messages.base import Float32Array, Float64Array, WrongPayload, covariance, decoder, encode, unpack36
 from messages.geometry import Twist, Vector3
-from messages.sensor import JointState, LaserScan, Range
+from messages.sensor import ChannelFloat32, JointState, LaserScan, Range
 from tests.messages.strategies import unpack
 
 decode = decoder(LaserScan)
@@ -51,6 +51,16 @@ def test_numpy_sees_the_shape_and_may_not_write_into_a_record() -> None:
 
 def test_a_plain_list_is_taken_as_an_array() -> None:
     assert decode(msgpack.packb({"ranges": [1, 2.5]})).ranges == Float32Array([1, 2.5])
+
+
+@pytest.mark.parametrize("ranges", [[0.5, 1.0], (0.5, 1.0), np.array([0.5, 1.0]), Float32Array([0.5, 1.0])])
+def test_a_program_builds_a_scan_of_any_sequence(ranges: Any) -> None:
+    scan = LaserScan(ranges=ranges, intensities=ranges)
+    assert scan.ranges == scan.intensities == Float32Array([0.5, 1.0])
+    assert decode(encode(scan)) == scan
+    assert ChannelFloat32(values=ranges).values == scan.ranges
+    with pytest.raises(TypeError):
+        LaserScan(ranges=["near"])  # type: ignore[arg-type]
 
 
 def test_numpy_numbers_are_sent_as_plain_ones() -> None:
