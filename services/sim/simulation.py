@@ -23,6 +23,7 @@ from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.subscription_tokens import SubscriptionTokens
 from services.sim.command_sources import CommandSources
+from services.sim.drive.controller import DiffDriveController
 from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
 from services.sim.moment import Moment
@@ -86,7 +87,10 @@ class Simulation:
         """Those whose odometry counts the turns of wheels."""
         self._transforms = MovingTransforms()
         self._motion = MotionPublisher()
-        self._steppers: list[Callable[[int], None]] = []
+        self._controllers: list[tuple[DiffDriveController, Robot]] = []
+        """Of the robots that most steps change nothing of."""
+        self._stepping: list[Robot] = []
+        """All others."""
 
     @property
     def now(self) -> int:
@@ -252,8 +256,11 @@ class Simulation:
     def step(self) -> None:
         """One physics step."""
         now = self.now
-        for set_motors in self._steppers:
-            set_motors(now)
+        for controller, robot in self._controllers:
+            if controller.idle_until < now:
+                robot.step(now)
+        for robot in self._stepping:
+            robot.step(now)
         self.wrenches.step(now)
         self.world.step()
         self.tick += 1
@@ -288,7 +295,9 @@ class Simulation:
             steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
             self._joint_states.setdefault(steps, []).append(robot)
         self._counting = [robot for robot in self.robots if robot.publishers.odometer.follows_encoders]
-        self._steppers = [each for robot in self.robots for each in robot.steppers]
+        controllers = [(robot.step_controller, robot) for robot in self.robots]
+        self._controllers = [(controller, robot) for controller, robot in controllers if controller is not None]
+        self._stepping = [robot for controller, robot in controllers if controller is None]
         rates = [robot.publishers.joint_state_steps for robot in self.robots if not robot.model.has_base]
         rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
