@@ -29,7 +29,7 @@ from services.sim.joints.wrenches import LinkWrenches
 from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
-from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, WorldStatesPublisher
+from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, RobotPublishers, WorldStatesPublisher
 from services.sim.robot import Robot
 from services.sim.robot_loader import on_the_ground
 from services.sim.robot_names import check_robot_names
@@ -63,6 +63,8 @@ class Simulation:
         self._command_sources, self._delays = CommandSources(node.transport), TransitDelayEstimator()
         self._lost_publishers: list[bytes] = []
         self.subscriptions = SubscriptionTokens(node.transport)
+        self._readers_version: tuple[int, ...] | None = None
+        """Of the readers of all topics, as they were found last; None to look again."""
         self._clock_publisher: Publisher[Any] = node.advertise(CLOCK)
         self._tf_publisher: Publisher[Any] = node.advertise(TF)
         self._tf_static_publisher: Publisher[Any] = node.advertise(TF_STATIC)
@@ -81,8 +83,8 @@ class Simulation:
         self.input_steps = CONTROL_STEPS
         self._commanded_robots = 0
         self._sensors = SensorSchedule(world)
-        self._joint_states: dict[int, list[Robot]] = {}
-        """The robots by the physics steps between two of their joint states."""
+        self._joint_states: dict[int, list[RobotPublishers]] = {}
+        """The robots whose joint states somebody reads, by the physics steps between two of them."""
         self._counting: list[Robot] = []
         """Those whose odometry counts the turns of wheels."""
         self._transforms = MovingTransforms()
@@ -165,8 +167,7 @@ class Simulation:
 
     def publish(self) -> None:
         """Publish what is due at this tick."""
-        self.subscriptions.update()
-        self.subscriptions.mark(self._node.publishers, self._node.version)
+        self._update_readers()
         moment = Moment(self.world, self.now, self.tick)
         self._sensors.publish(moment)
         self._publish_joint_states(moment)
@@ -175,10 +176,26 @@ class Simulation:
         if moment.tick % self.input_steps == 0:
             self.publish_clock()
 
+    def _update_readers(self) -> None:
+        """Look again at what is read by anybody, if that may have changed."""
+        self.subscriptions.update()
+        version = self.subscriptions.changes, self._node.version, self._node.transport.readers_version
+        if version == self._readers_version:
+            return
+        self._readers_version = version
+        self.subscriptions.mark(self._node.publishers)
+        self._sensors.update_readers()
+        self._motion.update_readers([robot.publishers for robot in self.robots])
+        self._joint_states = {}
+        for robot in self.robots:
+            if robot.motors.commanded or robot.publishers.joints_read:
+                steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
+                self._joint_states.setdefault(steps, []).append(robot.publishers)
+
     def _publish_joint_states(self, moment: Moment) -> None:
         for steps, robots in self._joint_states.items():
             if moment.tick % steps == 0:
-                self._motion.publish_joint_states(moment, [robot.publishers for robot in robots])
+                self._motion.publish_joint_states(moment, robots)
 
     def _publish_motion(self, moment: Moment) -> None:
         robots, tick = self.robots, moment.tick
@@ -186,7 +203,7 @@ class Simulation:
         moment.read_joints([robot.name for robot in self._counting])
         for robot in self._counting:
             robot.publishers.odometer.update_from_encoders(moment.now, moment.joints(robot.name).position)
-        self._motion.publish(moment, [robot.publishers for robot in robots])
+        self._motion.publish(moment)
         if tick % STATUS_STEPS == 0:
             for robot in robots:
                 robot.publish_status(moment.now)
@@ -290,10 +307,7 @@ class Simulation:
     def _regroup(self) -> None:
         """Robots have come or gone, or are commanded in another way: what is due for which of them is another."""
         self._sensors.replace(each for robot in self.robots for each in robot.publishers.sensors)
-        self._joint_states = {}
-        for robot in self.robots:
-            steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
-            self._joint_states.setdefault(steps, []).append(robot)
+        self._readers_version = None
         self._counting = [robot for robot in self.robots if robot.publishers.odometer.follows_encoders]
         controllers = [(robot.step_controller, robot) for robot in self.robots]
         self._controllers = [(controller, robot) for controller, robot in controllers if controller is not None]
