@@ -28,7 +28,7 @@ from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
 from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
-from services.sim.physics.world import World
+from services.sim.physics.world import Contact, World
 from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, RobotPublishers, WorldStatesPublisher
 from services.sim.robot import Robot
 from services.sim.robot_loader import on_the_ground
@@ -59,6 +59,10 @@ class Simulation:
         self.world, self.tick, self.epoch, self.paused = world, 0, 0, False
         self._node, self._seed, self._real_time = node, seed, real_time
         self._robots: dict[str, tuple[Robot, Pose3]] = {}
+        self.robots: list[Robot] = []
+        """All robots, in the order of their spawning; another list when one comes or goes."""
+        self._contacts: tuple[Contact, ...] | None = None
+        """Of which the robots know; None where they are to be told again."""
         self.wrenches = LinkWrenches(world, node.log)
         self._command_sources, self._delays = CommandSources(node.transport), TransitDelayEstimator()
         self._lost_publishers: list[bytes] = []
@@ -104,11 +108,6 @@ class Simulation:
         """Whether the next step comes by itself: in real time that has begun, unless it is paused."""
         return self._real_time and self.tick > 0 and not self.paused
 
-    @property
-    def robots(self) -> list[Robot]:
-        """All robots, in the order of their spawning."""
-        return [robot for robot, _ in self._robots.values()]
-
     def find(self, name: str) -> Robot:
         """The robot of a name; raises BadInput."""
         if name not in self._robots:
@@ -129,6 +128,7 @@ class Simulation:
         pose, notes = on_the_ground(entry.model, pose, ground), read_notes(entry.model)
         robot = Robot(self._node, self.world, entry, pose, self._seed, self._command_sources, self._delays, wait)
         self._robots[entry.name] = robot, pose
+        self.robots = [*self.robots, robot]
         self._transforms.add(robot, self.world.body(entry.name).joints)
         robot.stop(self.stops.holders(entry.name))
         limited = ", ".join(
@@ -147,6 +147,7 @@ class Simulation:
         self.find(name).close()
         self.wrenches.remove_body(name)
         del self._robots[name]
+        self.robots = [each for each in self.robots if each.name != name]
         self._transforms.remove(name)
         self.stops.remove_robot(name)
         self._save_stops()
@@ -162,6 +163,7 @@ class Simulation:
             self.epoch += 1
         for robot in self.robots:
             robot.reset()
+        self._contacts = None
         self._sensors.reset()
         self.publish_static_tf()
 
@@ -306,6 +308,7 @@ class Simulation:
 
     def _regroup(self) -> None:
         """Robots have come or gone, or are commanded in another way: what is due for which of them is another."""
+        self._contacts = None
         self._sensors.replace(each for robot in self.robots for each in robot.publishers.sensors)
         self._readers_version = None
         self._counting = [robot for robot in self.robots if robot.publishers.odometer.follows_encoders]
@@ -317,8 +320,12 @@ class Simulation:
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
 
     def _update_contacts(self) -> None:
+        contacts = self.world.contacts()
+        if contacts == self._contacts:
+            return
+        self._contacts = contacts
         partners: dict[str, set[str]] = {}
-        for body, other in self.world.contacts():
+        for body, other in contacts:
             partners.setdefault(body, set()).add(other)
             partners.setdefault(other, set()).add(body)
         for robot in self.robots:
