@@ -84,10 +84,10 @@ class Publisher(Generic[M]):
             raise TypeError(f"{self.name} carries {self._record.__name__}, not {type(message).__name__}")
         self.publish_encoded(encode(message))
 
-    def publish_encoded(self, payload: bytes) -> None:
-        """Publish an encoded record of the topic's type."""
+    def publish_encoded(self, payload: bytes, source_ns: int | None = None) -> None:
+        """Publish an encoded record of the topic's type, at ``source_ns`` of the system clock: now by default."""
         self.sent = sent = self.sent + 1
-        attachment = pack_attachment(sent, self.publisher)
+        attachment = pack_attachment(sent, self.publisher, source_ns)
         if (held := self._outbox.held) is None:
             self._put(payload, attachment=attachment)
         else:

@@ -30,8 +30,8 @@ class SubscriptionTokens:
         self._watch = transport.watch(token_pattern("sub"))
         self._counts: Counter[str] = Counter()
         self._total = 0
-        self._marked: tuple[int, int] | None = None
-        self._changes = 0
+        self.changes = 0
+        """Grows with each topic that gets its first announced reader, or loses its last."""
 
     def refresh(self) -> None:
         """Ask the network for tokens that were missed."""
@@ -46,20 +46,18 @@ class SubscriptionTokens:
             if self.listener is not None:
                 self.listener(entity, event.alive)
 
-    def mark(self, publishers: Iterable[Publisher[Any]], version: int) -> None:
-        """Tell publishers whether a node has announced that it reads them; ``version`` grows when they change."""
-        if self._marked != (marked := (self._changes, version)):
-            self._marked = marked
-            for each in publishers:
-                each.announced = each.key in self._counts
+    def mark(self, publishers: Iterable[Publisher[Any]]) -> None:
+        """Tell publishers whether a node has announced that it reads them."""
+        for each in publishers:
+            each.announced = each.key in self._counts
 
     def _count(self, key: str, alive: bool) -> None:
         if alive and self._total < MAX_TOKENS:
-            self._total, self._changes = self._total + 1, self._changes + (key not in self._counts)
+            self._total, self.changes = self._total + 1, self.changes + (key not in self._counts)
             self._counts[key] += 1
         elif not alive and key in self._counts:
             self._total -= 1
             self._counts[key] -= 1
             if not self._counts[key]:
                 del self._counts[key]
-                self._changes += 1
+                self.changes += 1

@@ -49,6 +49,11 @@ class Actuation(Protocol):
     """What it publishes beside what every robot does."""
 
     @property
+    def step_controller(self) -> DiffDriveController | None:
+        """What alone says whether a step changes anything: none does until its ``idle_until``. None where each may."""
+        ...
+
+    @property
     def odometry_rate(self) -> float:
         """Rate of odometry, Hz."""
         ...
@@ -209,6 +214,10 @@ class BaseActuation:
         )
 
     @property
+    def step_controller(self) -> DiffDriveController | None:
+        return self.controller if self._only_speeds else None
+
+    @property
     def odometry_rate(self) -> float:
         return self.controller.live.publish_rate
 
@@ -251,7 +260,7 @@ class BaseActuation:
             self.controller.apply_commands(commands.messages, now, lockstep_members, factor)
 
     def publisher_lost(self, source: bytes, now: int) -> None:
-        self.controller.arbiter.publisher_lost(source, now)
+        self.controller.publisher_lost(source, now)
 
     def stop(self, on: bool) -> None:
         self.controller.stop(on)
@@ -317,6 +326,7 @@ class JointActuation:
     extra_topics: tuple[Topic[Any], ...] = ()
     commanded_velocity = 0.0, 0.0
     publishes_odom_tf = True
+    step_controller = None
 
     def __init__(
         self,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from time import time_ns
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import BodyState, JointReadings, World
 from services.sim.robot_names import odometry_child, robot_frame_prefix
-from services.sim.robot_topics import RobotPublisher, steps_of, topic_names
+from services.sim.robot_topics import RobotPublisher, RobotTopicGroup, steps_of, topic_names
 from services.sim.sensor_publishers import SensorMount, robot_sensors
 from services.sim.sensors import joint_state
 from services.sim.template_groups import GroupEncoder, TemplateGroup
@@ -73,7 +74,7 @@ class RobotPublishers:
         """The frame whose place odometry tells, without the prefix."""
         self._base_frame = self.frame_id(model.base_frame)
         self.joint_state_steps = max(1, steps_of(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
-        self._truth_steps = steps_of(model.odometry_rate)
+        self.truth_steps = steps_of(model.odometry_rate)
         self._publishers: list[RobotPublisher] = []
         self.truth, self._joint_states = self._publisher(GROUND_TRUTH), self._publisher(JOINT_STATES)
         self._publisher(ROBOT_DESCRIPTION).publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
@@ -96,6 +97,8 @@ class RobotPublishers:
         self._odometry_template_of: tuple[Packed36, Packed36, Template[Any]] | None = None
         self.joint_template = Template(self._joint_state, 3 * len(self._joints))
         self._command_template = Template(self._command, 2)
+        self.joints_read = self.odometry_read = False
+        """Whether anybody reads these; ``update_readers`` says so, too."""
         self.reset()
 
     def close(self) -> None:
@@ -107,6 +110,11 @@ class RobotPublishers:
         self.odometer.reset()
         self.odometry: tuple[bytes, OdometrySample] | None = None
         """The last odometry that was due, and its stamp."""
+
+    def update_readers(self) -> None:
+        """Look again at what is read by anybody."""
+        self.joints_read = bool(self._joints) and self._joint_states.has_subscribers
+        self.odometry_read = self.odometry_publisher is not None and self.odometry_publisher.has_subscribers
 
     def frame_id(self, link: str) -> str:
         """The frame of a link, with the robot's frame prefix."""
@@ -130,22 +138,18 @@ class RobotPublishers:
             self._feedback.publish_encoded(payload)
 
     def _joint_states_due(self, moment: Moment) -> bool:
-        due = moment.tick % self.joint_state_steps == 0 and bool(self._joints)
-        return due and self._joint_states.has_subscribers
+        return self.joints_read and moment.tick % self.joint_state_steps == 0
 
-    def needs_state(self, moment: Moment) -> bool:
-        """Whether what is due at this control tick tells where the body is."""
-        return moment.tick % self._truth_steps == 0 and (self.truth.has_subscribers or self.odometer.state is None)
-
-    def truth_due(self, moment: Moment) -> bool:
-        """Whether somebody reads the ground truth, and it is due."""
-        return moment.tick % self._truth_steps == 0 and self.truth.has_subscribers
+    @property
+    def command_read(self) -> bool:
+        """Whether it publishes the limited command, and anybody reads it."""
+        return self._commanded is not None and self._commanded.has_subscribers
 
     def publish_command(self, moment: Moment) -> None:
-        """Publish the limited command, where somebody reads it."""
-        if self._commanded is not None and self._commanded.has_subscribers:
-            velocity = self._actuation.commanded_velocity
-            self._commanded.publish_encoded(self._command_template.encode(moment.stamp, velocity))
+        """Publish the limited command."""
+        assert self._commanded is not None
+        velocity = self._actuation.commanded_velocity
+        self._commanded.publish_encoded(self._command_template.encode(moment.stamp, velocity))
 
     def sample_odometry(self, moment: Moment) -> OdometrySample | None:
         """Take odometry, if it is due; None if it is not, or nobody reads it."""
@@ -153,7 +157,7 @@ class RobotPublishers:
             return None
         sample = self.odometer.sample(moment)
         self.odometry = moment.stamp, sample
-        return sample if self.odometry_publisher.has_subscribers else None
+        return sample if self.odometry_read else None
 
     def publish_status(self, status: BaseStatus) -> None:
         """Publish the state of the base."""
@@ -190,13 +194,43 @@ class RobotPublishers:
         )
 
 
+class _TruthReaders(NamedTuple):
+    """Robots whose ground truth somebody reads, all of it due at once."""
+
+    names: tuple[str, ...]
+    topics: RobotTopicGroup
+
+
 class MotionPublisher:
     """Publishes how all robots move: what is due at once is computed and encoded at once."""
 
     def __init__(self) -> None:
-        self._truth, self._odometry = GroupEncoder(), GroupEncoder()
+        self._odometry = GroupEncoder()
         self._joints: dict[int, GroupEncoder] = {}
         """By the count of numbers."""
+        self.update_readers(())
+
+    def update_readers(self, robots: Sequence[RobotPublishers]) -> None:
+        """From now on it publishes of these robots; look again at what of them is read by anybody."""
+        for each in robots:
+            each.update_readers()
+        self._robots = robots
+        self._commands = [each for each in robots if each.command_read]
+        self._placed: dict[int, list[str]] = {}
+        """By the steps between two looks, the robots of which is told where the body is."""
+        truths: dict[int, list[RobotPublishers]] = {}
+        for each in robots:
+            if each.truth.has_subscribers:
+                truths.setdefault(each.truth_steps, []).append(each)
+            if each.truth.has_subscribers or each.odometer.state is None:
+                self._placed.setdefault(each.truth_steps, []).append(each.name)
+        self._truths = {
+            steps: _TruthReaders(
+                tuple(each.name for each in read),
+                RobotTopicGroup([each.truth for each in read], [each.truth_template for each in read]),
+            )
+            for steps, read in truths.items()
+        }
 
     def publish_joint_states(self, moment: Moment, robots: Sequence[RobotPublishers]) -> None:
         """Publish the joints that are due."""
@@ -209,22 +243,23 @@ class MotionPublisher:
             for (each, _), payload in zip(alike, payloads, strict=True):
                 each.publish_joint_states(moment, payload)
 
-    def publish(self, moment: Moment, robots: Sequence[RobotPublishers]) -> None:
+    def publish(self, moment: Moment) -> None:
         """At a control tick, publish what is due of limited commands, ground truth and odometry."""
-        moment.read_states([each.name for each in robots if each.needs_state(moment)])
-        for each in robots:
+        tick = moment.tick
+        moment.read_states([name for steps, names in self._placed.items() if tick % steps == 0 for name in names])
+        for each in self._commands:
             each.publish_command(moment)
-        if shown := [each for each in robots if each.truth_due(moment)]:
-            motions = world_motions(moment.states([each.name for each in shown]))
-            payloads = self._truth.encode([each.truth_template for each in shown], moment.stamp, motions)
-            for each, payload in zip(shown, payloads, strict=True):
-                each.truth.publish_encoded(payload)
-        if sampled := [(each, sample) for each in robots if (sample := each.sample_odometry(moment)) is not None]:
+        for steps, truth in self._truths.items():
+            if tick % steps == 0:
+                truth.topics.publish(moment.stamp, world_motions(moment.states(truth.names)))
+        sampled = [(each, sample) for each in self._robots if (sample := each.sample_odometry(moment)) is not None]
+        if sampled:
             motions = odometry_motions([sample for _, sample in sampled])
             payloads = self._odometry.encode([each.odometry_template for each, _ in sampled], moment.stamp, motions)
+            now = time_ns()
             for (each, _), payload in zip(sampled, payloads, strict=True):
                 assert each.odometry_publisher is not None
-                each.odometry_publisher.publish_encoded(payload)
+                each.odometry_publisher.publish_encoded(payload, now)
 
 
 class WorldStatesPublisher:

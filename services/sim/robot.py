@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from messages.elea import ModelState
@@ -16,6 +15,7 @@ from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
 from services.sim.actuation import spawn_actuation
 from services.sim.command_sources import CommandSources
+from services.sim.drive.controller import DiffDriveController
 from services.sim.drive.odometry import body_pose, body_twist
 from services.sim.joints.motors import JointMotors
 from services.sim.parameters import RobotEntry
@@ -99,9 +99,15 @@ class Robot:
         self.motors.publisher_lost(source)
 
     @property
-    def steppers(self) -> tuple[Callable[[int], None], ...]:
-        """What sets the motors for the physics step that begins at a time [ns], in this order."""
-        return (self.actuation.step, self.motors.step) if self.motors.joints else (self.actuation.step,)
+    def step_controller(self) -> DiffDriveController | None:
+        """What alone says whether a step changes anything: none does until its ``idle_until``. None where each may."""
+        return None if self.motors.joints else self.actuation.step_controller
+
+    def step(self, now: int) -> None:
+        """Set the motors for the physics step that begins at ``now`` [ns]."""
+        self.actuation.step(now)
+        if self.motors.joints:
+            self.motors.step(now)
 
     def stop(self, holders: tuple[str, ...], new_stop: bool = False) -> None:
         """Stand still while there are ``holders`` of an emergency stop.

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
+from time import time_ns
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from messages.base import Message, encode
 from messages.names import join
+from messages.template import Template
 from messages.topics import Topic
 from models.model import RobotModel
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 from services.runtime.step import STEP_NS
+from services.sim.template_groups import TemplateGroup
 
 
 def topic_names(topic: Topic[Any], model: RobotModel, namespace: str) -> list[str]:
@@ -47,10 +54,24 @@ class RobotPublisher:
             raise TypeError(f"{self.ends[0].name} carries {self.record.__name__}, not {type(message).__name__}")
         self.publish_encoded(encode(message))
 
-    def publish_encoded(self, payload: bytes) -> None:
-        """Publish an encoded record of the topic's type under all names."""
+    def publish_encoded(self, payload: bytes, source_ns: int | None = None) -> None:
+        """Publish an encoded record of the topic's type under all names, as ``Publisher`` does."""
         for each in self.ends:
-            each.publish_encoded(payload)
+            each.publish_encoded(payload, source_ns)
+
+
+class RobotTopicGroup:
+    """One topic of several robots, whose messages are filled and published together."""
+
+    def __init__(self, publishers: Sequence[RobotPublisher], templates: Sequence[Template[Any]]) -> None:
+        self._encoder = TemplateGroup(templates)
+        self._ends = [(row, end) for row, each in enumerate(publishers) for end in each.ends]
+
+    def publish(self, stamp: bytes, numbers: NDArray[np.float64]) -> None:
+        """Publish what each template makes of its row of ``numbers``."""
+        payloads, now = self._encoder.encode(stamp, numbers), time_ns()
+        for row, end in self._ends:
+            end.publish_encoded(payloads[row], now)
 
 
 @cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -20,7 +20,7 @@ from services.runtime.step import STEP_NS
 from services.sim.moment import Moment
 from services.sim.noise import NoiseSource
 from services.sim.physics.world import World
-from services.sim.robot_topics import RobotPublisher, steps_of
+from services.sim.robot_topics import RobotPublisher, RobotTopicGroup, steps_of
 from services.sim.sensors import (
     camera_image,
     camera_info,
@@ -33,7 +33,6 @@ from services.sim.sensors import (
     sonar_ranges,
     sonar_ring,
 )
-from services.sim.template_groups import GroupEncoder
 
 Floats = NDArray[np.float64]
 
@@ -82,33 +81,40 @@ class ImuSensor:
 
     def __init__(self, mount: SensorMount, unit: ImuConfig) -> None:
         self.steps, self.unit, self.robot = steps_of(unit.rate), unit, mount.robot
-        self.publisher, self._mount = mount.publisher(IMU), mount
+        self.publisher, self.noisy = mount.publisher(IMU), mount.noisy
         self.noise = mount.noise("imu", self.steps, _IMU_ERRORS)
         frame = mount.frame_id(unit.mount.frame or unit.link)
         self.template = Template(
             lambda stamp, numbers: imu_message(unit, Header(stamp=stamp, frame_id=frame), numbers), 10
         )
 
-    @property
-    def noisy(self) -> bool:
-        """Whether its readings have noise now."""
-        return self._mount.noisy()
+
+class _ImuReadings:
+    """Units that are read together."""
+
+    def __init__(self, units: Sequence[ImuSensor]) -> None:
+        self.units = tuple(units)
+        self.robots = tuple(each.robot for each in units)
+        self.links = tuple((each.robot, each.unit.link) for each in units)
+        self.topics = RobotTopicGroup([each.publisher for each in units], [each.template for each in units])
+        self._block, self._numbers = -1, np.empty((0, len(units), _IMU_ERRORS))
+
+    def errors(self, tick: int) -> Floats:
+        """The numbers of the noise of each unit, shape (n, 6); zeros for those without noise."""
+        block, place = self.units[0].noise.place(tick)
+        if block != self._block:
+            self._block, self._numbers = block, np.stack([each.noise.block(block) for each in self.units], axis=1)
+        noisy = [each.noisy() for each in self.units]
+        numbers: Floats = self._numbers[place]
+        return numbers if all(noisy) else np.where(np.array(noisy)[:, None], numbers, 0.0)
 
 
 class _ImuLook(NamedTuple):
     """Units that were read together at ``now`` [ns], and the states of their bodies then, shape (n, 13)."""
 
     now: int
-    units: list[ImuSensor]
+    units: tuple[ImuSensor, ...]
     states: Floats
-
-
-class _ImuNoise(NamedTuple):
-    """A block of the noise of units, shape (n, readings, 6)."""
-
-    units: list[ImuSensor]
-    block: int
-    numbers: Floats
 
 
 class ImuGroup:
@@ -119,47 +125,42 @@ class ImuGroup:
         self.steps = steps_of(unit.rate)
         self._world, self._unit = world, unit
         self._period = math.lcm(self.steps, SENSOR_STEPS) * STEP_NS
-        self._encoder = GroupEncoder()
-        self._noise: _ImuNoise | None = None
+        self._read = _ImuReadings(())
         self.reset()
 
     def reset(self) -> None:
         """Start over from where the bodies are."""
         self._look: _ImuLook | None = None
 
+    def update_readers(self) -> None:
+        """Look again at which units are read by anybody."""
+        units = tuple(each for each in self.units if each.publisher.has_subscribers)
+        if units != self._read.units:
+            self._read = _ImuReadings(units)
+
     def publish(self, moment: Moment) -> None:
         """Publish a reading of each unit that is read by anybody."""
-        units = [each for each in self.units if each.publisher.has_subscribers]
-        states = moment.states([each.robot for each in units])
-        before, self._look = self._look, _ImuLook(moment.now, units, states)
+        read = self._read
+        states = moment.states(read.robots)
+        before, self._look = self._look, _ImuLook(moment.now, read.units, states)
         if before is None or moment.now - before.now != self._period:
             return
         earlier = before.states
-        if before.units != units:
+        if before.units is not read.units:
             places = {each: place for place, each in enumerate(before.units)}
-            states = states[[each in places for each in units]]
-            units = [each for each in units if each in places]
-            earlier = earlier[[places[each] for each in units]]
-        if units:
-            self._publish(moment, units, earlier, states)
+            states = states[[each in places for each in read.units]]
+            read = _ImuReadings([each for each in read.units if each in places])
+            earlier = earlier[[places[each] for each in read.units]]
+        if read.units:
+            self._publish(moment, read, earlier, states)
 
-    def _publish(self, moment: Moment, units: list[ImuSensor], before: Floats, states: Floats) -> None:
-        poses = self._world.link_poses([(each.robot, self._unit.link) for each in units])
+    def _publish(self, moment: Moment, read: _ImuReadings, before: Floats, states: Floats) -> None:
+        poses = self._world.link_poses(read.links)
         if self._unit.mount != ON_LINK:
             places: Any = poses.T
             poses = np.concatenate(Pose3(places[:3], places[3:]) @ self._unit.mount.pose).T
-        readings = imu_readings(self._unit, poses, before, states, self._period / 1e9, self._errors(units, moment.tick))
-        payloads = self._encoder.encode([each.template for each in units], moment.stamp, readings)
-        for each, payload in zip(units, payloads, strict=True):
-            each.publisher.publish_encoded(payload)
-
-    def _errors(self, units: list[ImuSensor], tick: int) -> Floats:
-        """The numbers of the noise of each unit, shape (n, 6); zeros for those without noise."""
-        block, place = units[0].noise.place(tick)
-        if self._noise is None or self._noise.block != block or self._noise.units != units:
-            self._noise = _ImuNoise(units, block, np.stack([each.noise.block(block) for each in units]))
-        noisy = np.array([each.noisy for each in units])
-        return np.where(noisy[:, None], self._noise.numbers[:, place], 0.0)
+        readings = imu_readings(self._unit, poses, before, states, self._period / 1e9, read.errors(moment.tick))
+        read.topics.publish(moment.stamp, readings)
 
 
 class LaserSensor:
@@ -278,6 +279,11 @@ class SensorSchedule:
                 self._lasers.setdefault(each.steps, []).append(each)
             else:
                 self._others.setdefault(each.steps, []).append(each)
+
+    def update_readers(self) -> None:
+        """Look again at who is read by anybody."""
+        for group in self._imus.values():
+            group.update_readers()
 
     def reset(self) -> None:
         """Start over from where the bodies are."""

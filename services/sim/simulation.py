@@ -23,12 +23,13 @@ from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.subscription_tokens import SubscriptionTokens
 from services.sim.command_sources import CommandSources
+from services.sim.drive.controller import DiffDriveController
 from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
 from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
-from services.sim.physics.world import World
-from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, WorldStatesPublisher
+from services.sim.physics.world import Contact, World
+from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, RobotPublishers, WorldStatesPublisher
 from services.sim.robot import Robot
 from services.sim.robot_loader import on_the_ground
 from services.sim.robot_names import check_robot_names
@@ -58,10 +59,16 @@ class Simulation:
         self.world, self.tick, self.epoch, self.paused = world, 0, 0, False
         self._node, self._seed, self._real_time = node, seed, real_time
         self._robots: dict[str, tuple[Robot, Pose3]] = {}
+        self.robots: list[Robot] = []
+        """All robots, in the order of their spawning; another list when one comes or goes."""
+        self._contacts: tuple[Contact, ...] | None = None
+        """Of which the robots know; None where they are to be told again."""
         self.wrenches = LinkWrenches(world, node.log)
         self._command_sources, self._delays = CommandSources(node.transport), TransitDelayEstimator()
         self._lost_publishers: list[bytes] = []
         self.subscriptions = SubscriptionTokens(node.transport)
+        self._readers_version: tuple[int, ...] | None = None
+        """Of the readers of all topics, as they were found last; None to look again."""
         self._clock_publisher: Publisher[Any] = node.advertise(CLOCK)
         self._tf_publisher: Publisher[Any] = node.advertise(TF)
         self._tf_static_publisher: Publisher[Any] = node.advertise(TF_STATIC)
@@ -80,13 +87,16 @@ class Simulation:
         self.input_steps = CONTROL_STEPS
         self._commanded_robots = 0
         self._sensors = SensorSchedule(world)
-        self._joint_states: dict[int, list[Robot]] = {}
-        """The robots by the physics steps between two of their joint states."""
+        self._joint_states: dict[int, list[RobotPublishers]] = {}
+        """The robots whose joint states somebody reads, by the physics steps between two of them."""
         self._counting: list[Robot] = []
         """Those whose odometry counts the turns of wheels."""
         self._transforms = MovingTransforms()
         self._motion = MotionPublisher()
-        self._steppers: list[Callable[[int], None]] = []
+        self._controllers: list[tuple[DiffDriveController, Robot]] = []
+        """Of the robots that most steps change nothing of."""
+        self._stepping: list[Robot] = []
+        """All others."""
 
     @property
     def now(self) -> int:
@@ -97,11 +107,6 @@ class Simulation:
     def steps_by_the_clock(self) -> bool:
         """Whether the next step comes by itself: in real time that has begun, unless it is paused."""
         return self._real_time and self.tick > 0 and not self.paused
-
-    @property
-    def robots(self) -> list[Robot]:
-        """All robots, in the order of their spawning."""
-        return [robot for robot, _ in self._robots.values()]
 
     def find(self, name: str) -> Robot:
         """The robot of a name; raises BadInput."""
@@ -123,6 +128,7 @@ class Simulation:
         pose, notes = on_the_ground(entry.model, pose, ground), read_notes(entry.model)
         robot = Robot(self._node, self.world, entry, pose, self._seed, self._command_sources, self._delays, wait)
         self._robots[entry.name] = robot, pose
+        self.robots = [*self.robots, robot]
         self._transforms.add(robot, self.world.body(entry.name).joints)
         robot.stop(self.stops.holders(entry.name))
         limited = ", ".join(
@@ -141,6 +147,7 @@ class Simulation:
         self.find(name).close()
         self.wrenches.remove_body(name)
         del self._robots[name]
+        self.robots = [each for each in self.robots if each.name != name]
         self._transforms.remove(name)
         self.stops.remove_robot(name)
         self._save_stops()
@@ -156,13 +163,13 @@ class Simulation:
             self.epoch += 1
         for robot in self.robots:
             robot.reset()
+        self._contacts = None
         self._sensors.reset()
         self.publish_static_tf()
 
     def publish(self) -> None:
         """Publish what is due at this tick."""
-        self.subscriptions.update()
-        self.subscriptions.mark(self._node.publishers, self._node.version)
+        self._update_readers()
         moment = Moment(self.world, self.now, self.tick)
         self._sensors.publish(moment)
         self._publish_joint_states(moment)
@@ -171,10 +178,26 @@ class Simulation:
         if moment.tick % self.input_steps == 0:
             self.publish_clock()
 
+    def _update_readers(self) -> None:
+        """Look again at what is read by anybody, if that may have changed."""
+        self.subscriptions.update()
+        version = self.subscriptions.changes, self._node.version, self._node.transport.readers_version
+        if version == self._readers_version:
+            return
+        self._readers_version = version
+        self.subscriptions.mark(self._node.publishers)
+        self._sensors.update_readers()
+        self._motion.update_readers([robot.publishers for robot in self.robots])
+        self._joint_states = {}
+        for robot in self.robots:
+            if robot.motors.commanded or robot.publishers.joints_read:
+                steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
+                self._joint_states.setdefault(steps, []).append(robot.publishers)
+
     def _publish_joint_states(self, moment: Moment) -> None:
         for steps, robots in self._joint_states.items():
             if moment.tick % steps == 0:
-                self._motion.publish_joint_states(moment, [robot.publishers for robot in robots])
+                self._motion.publish_joint_states(moment, robots)
 
     def _publish_motion(self, moment: Moment) -> None:
         robots, tick = self.robots, moment.tick
@@ -182,7 +205,7 @@ class Simulation:
         moment.read_joints([robot.name for robot in self._counting])
         for robot in self._counting:
             robot.publishers.odometer.update_from_encoders(moment.now, moment.joints(robot.name).position)
-        self._motion.publish(moment, [robot.publishers for robot in robots])
+        self._motion.publish(moment)
         if tick % STATUS_STEPS == 0:
             for robot in robots:
                 robot.publish_status(moment.now)
@@ -252,8 +275,11 @@ class Simulation:
     def step(self) -> None:
         """One physics step."""
         now = self.now
-        for set_motors in self._steppers:
-            set_motors(now)
+        for controller, robot in self._controllers:
+            if controller.idle_until < now:
+                robot.step(now)
+        for robot in self._stepping:
+            robot.step(now)
         self.wrenches.step(now)
         self.world.step()
         self.tick += 1
@@ -282,20 +308,24 @@ class Simulation:
 
     def _regroup(self) -> None:
         """Robots have come or gone, or are commanded in another way: what is due for which of them is another."""
+        self._contacts = None
         self._sensors.replace(each for robot in self.robots for each in robot.publishers.sensors)
-        self._joint_states = {}
-        for robot in self.robots:
-            steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
-            self._joint_states.setdefault(steps, []).append(robot)
+        self._readers_version = None
         self._counting = [robot for robot in self.robots if robot.publishers.odometer.follows_encoders]
-        self._steppers = [each for robot in self.robots for each in robot.steppers]
+        controllers = [(robot.step_controller, robot) for robot in self.robots]
+        self._controllers = [(controller, robot) for controller, robot in controllers if controller is not None]
+        self._stepping = [robot for controller, robot in controllers if controller is None]
         rates = [robot.publishers.joint_state_steps for robot in self.robots if not robot.model.has_base]
         rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
 
     def _update_contacts(self) -> None:
+        contacts = self.world.contacts()
+        if contacts == self._contacts:
+            return
+        self._contacts = contacts
         partners: dict[str, set[str]] = {}
-        for body, other in self.world.contacts():
+        for body, other in contacts:
             partners.setdefault(body, set()).add(other)
             partners.setdefault(other, set()).add(body)
         for robot in self.robots:

@@ -212,6 +212,10 @@ class NodeTransport:
         self.session, self.settle_s = self._transport.session, self._transport.settle_s
         self.open = True
 
+    @property
+    def readers_version(self) -> int:
+        return self._transport.readers_version
+
     def __enter__(self) -> Self:
         return self
 

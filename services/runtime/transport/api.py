@@ -167,6 +167,11 @@ class Transport(Protocol):
     settle_s: float
     """Wall time [s] in which links come up; what is invisible for longer does not exist."""
 
+    @property
+    def readers_version(self) -> int:
+        """Another number whenever ``has_subscribers`` of a publication of this connection is another."""
+        ...
+
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *exception: object) -> None: ...

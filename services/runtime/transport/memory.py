@@ -47,6 +47,8 @@ class MemoryBus:
         self.tokens: dict[str, int] = {}
         self.watches: list[MemoryTokenWatch] = []
         self.numbers = itertools.count(1)
+        self.readers_version = 0
+        """Grows with each subscription that begins or ends."""
 
     def set_token(self, key: str, alive: bool) -> None:
         """Notify the watches that a token appeared or disappeared."""
@@ -91,6 +93,7 @@ class MemorySubscriber:
             self._open = False
             if self in self._bus.subscribers:
                 self._bus.subscribers.remove(self)
+                self._bus.readers_version += 1
             self._bus.changed.notify_all()
 
 
@@ -236,6 +239,11 @@ class MemoryTransport:
         self._owned: list[MemorySubscriber | MemoryPublisher | MemoryToken] = []
         self._servers: list[MemoryServer] = []
 
+    @property
+    def readers_version(self) -> int:
+        """Grows with each subscription of the bus that begins or ends."""
+        return self.bus.readers_version
+
     def __enter__(self) -> Self:
         return self
 
@@ -255,6 +263,7 @@ class MemoryTransport:
                 if inlet.samples and notify is not None:
                     notify()
             self._bus.subscribers.append(inlet)
+            self._bus.readers_version += 1
         self._owned.append(inlet)
         return inlet
 

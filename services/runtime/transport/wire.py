@@ -50,12 +50,13 @@ def publisher_id(node: str, session: str, key: str) -> bytes:
     return member_id(node, session) + hashlib.blake2b(key.encode(), digest_size=16 - MEMBER_BYTES).digest()
 
 
-def pack_attachment(sequence: int, publisher: bytes) -> bytes:
-    """The attachment of a sample: int64 number, int64 system time [ns], one byte 16, the id; little-endian.
+def pack_attachment(sequence: int, publisher: bytes, source_ns: int | None = None) -> bytes:
+    """The attachment of a sample: int64 number, int64 system time [ns], by default now, one byte 16, the id;
+    little-endian.
 
     It is the layout of ROS 2's rmw_zenoh (its design notes, "attachment").
     """
-    return _pack(sequence, time_ns(), 16, publisher)
+    return _pack(sequence, time_ns() if source_ns is None else source_ns, 16, publisher)
 
 
 def unpack_attachment(attachment: bytes) -> SampleInfo | None:

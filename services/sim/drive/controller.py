@@ -14,7 +14,7 @@ from services.runtime.log import Log
 from services.runtime.step import STEP_NS
 from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo
 from services.sim.command_sources import FOREIGN_SOURCE, CommandSources
-from services.sim.drive.arbiter import BRAKE, Arbiter
+from services.sim.drive.arbiter import Arbiter
 from services.sim.drive.config import DriveConfig
 from services.sim.drive.driver import AT_REST, commanded_velocity, step_drive, wheel_speeds
 from services.sim.transit_delay import TransitDelayEstimator
@@ -23,6 +23,8 @@ STEP_S = STEP_NS / 1e9
 
 UNKNOWN_AGE_NS = 10**18
 """Simulation time by which a command of unknown age is old: beyond every time-out."""
+_NOT_IDLE = -1
+"""Before the first step."""
 
 ReceivedCommands = list[tuple[Message, SampleInfo | None]]
 """What an input admitted at this tick."""
@@ -43,7 +45,9 @@ class DiffDriveController:
     def reset(self) -> None:
         """Stand still and forget all commands."""
         self.arbiter.clear()
-        self._state, self._last_decision, self._settled, self._force_update = AT_REST, BRAKE, True, False
+        self._state, self._force_update = AT_REST, False
+        self.idle_until: float = _NOT_IDLE
+        """Until when [ns] ``step`` changes nothing, unless something comes."""
         self._pid_states = (INITIAL_PID_STATE, INITIAL_PID_STATE)
 
     def apply_commands(self, batch: ReceivedCommands, now: int, lockstep_members: set[bytes], factor: float) -> None:
@@ -53,6 +57,7 @@ class DiffDriveController:
         commands is measured in wall time and turned into simulation time by ``factor``. A command with a stamp is as
         old as that says, too.
         """
+        self.idle_until = _NOT_IDLE
         for command, origin in batch:
             source, priority, made, age = FOREIGN_SOURCE, 1, None, 0.0
             if origin is not None:
@@ -85,21 +90,26 @@ class DiffDriveController:
                 every=1.0,
             )
 
+    def publisher_lost(self, source: bytes, now: int) -> None:
+        """The publisher ``source`` is gone: what it commanded counts no more."""
+        self.idle_until = _NOT_IDLE
+        self.arbiter.publisher_lost(source, now)
+
     def stop(self, on: bool) -> None:
         """Brake and stay, or obey commands again that come from now on."""
         if self.arbiter.e_stopped != on:
+            self.idle_until = _NOT_IDLE
             self.arbiter.set_e_stop(on)
 
     def step(self, now: int) -> tuple[float, float] | None:
         """The wheels' new target speeds [rad/s] for the step that begins at ``now``; None when they stay."""
-        arbiter = self.arbiter
-        if self._settled and arbiter.decision is self._last_decision and now <= arbiter.until:
+        if now <= self.idle_until:
             return None
-        decision = arbiter.decide(now)
+        decision = self.arbiter.decide(now)
         before = self._state
         state = step_drive(self.drive, before, decision.v, decision.w, decision.braking, STEP_S, decision.vy)
-        self._last_decision, self._settled = decision, state is before
-        if self._settled and not self._force_update:
+        self.idle_until = self.arbiter.until if state is before else _NOT_IDLE
+        if state is before and not self._force_update:
             return None
         self._state, self._force_update = state, False
         return wheel_speeds(self.drive, state)
@@ -118,7 +128,7 @@ class DiffDriveController:
         """Replace all settings from the step that begins at ``now`` [ns] on."""
         self.config, self.drive, self.live = config, config.drive, config.live
         self.arbiter.reconfigure(config.timeout, config.exclusive, now)
-        self._settled, self._force_update = False, True
+        self.idle_until, self._force_update = _NOT_IDLE, True
 
     @property
     def planar_velocity(self) -> tuple[float, float, float]:

@@ -393,12 +393,19 @@ class MujocoWorld:
         """Where the parts of the links are; of arrays."""
         frames: Any = np.empty((7, len(plan.at_root)))
         if len(plan.roots):
-            frames[:, plan.at_root] = self.states()[plan.roots, :7].T
+            frames[:, plan.at_root] = self._root_frames(plan.roots)
         if len(plan.parts):
             self.refresh()
             frames[:3, ~plan.at_root] = self._data.xpos[plan.parts].T
             frames[3:, ~plan.at_root] = self._data.xquat[plan.parts].T[[1, 2, 3, 0]]
         return Pose3(frames[:3], frames[3:])
+
+    def _root_frames(self, rows: NDArray[np.intp]) -> Floats:
+        """Where the roots of bodies are, shape (7, n)."""
+        if not self._free_in_order:
+            return self.states()[rows, :7].T
+        frames: Floats = self._data.qpos[self._root_positions[rows]].T[[0, 1, 2, 4, 5, 6, 3]]
+        return frames
 
     def _compute_velocities(self) -> None:
         mujoco.mj_comPos(self._model, self._data)

@@ -22,7 +22,7 @@ def test_publishers_know_the_readers_that_have_announced_themselves() -> None:
 
         def follow() -> tuple[bool, ...]:
             tokens.update()
-            tokens.mark(node.publishers, node.version)
+            tokens.mark(node.publishers)
             return tuple(each.has_subscribers for each in node.publishers if each.name.startswith("/a"))
 
         assert follow() == (False,)

@@ -118,10 +118,14 @@ def test_wanted_follows_the_readers(connect: Connect) -> None:
     writer, reader = connect(), connect()
     outlet = writer.advertise("a", TEXT, Quality.SENSOR)
     assert not outlet.has_subscribers
+    before = writer.readers_version
     inlet = reader.subscribe("a", 8)
     wait_until(lambda: outlet.has_subscribers)
+    wait_until(lambda: writer.readers_version != before)
+    during = writer.readers_version
     inlet.close()
     wait_until(lambda: not outlet.has_subscribers)
+    wait_until(lambda: writer.readers_version not in (before, during))
 
 
 def test_wait_wakes_for_a_sample_a_nudge_and_in_any_case(connect: Connect) -> None:

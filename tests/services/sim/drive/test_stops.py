@@ -82,10 +82,9 @@ def test_a_commander_that_dies(speed: float) -> None:
     """Its liveliness goes, which the network tells at once: no time-out passes."""
     with run_simulation() as world:
         at_speed(world, speed)
-        arbiter = world.base.arbiter
-        source = arbiter.decide(world.simulation.now).source
+        source = world.base.arbiter.decide(world.simulation.now).source
         assert source is not None
-        arbiter.publisher_lost(source, world.simulation.now)
+        world.base.publisher_lost(source, world.simulation.now)
         near(measured(world), predict_stop(speed, 0.0, WHEELS.brake))
 
 

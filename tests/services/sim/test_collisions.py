@@ -1,0 +1,31 @@
+"""A base tells what it touches, and counts each collision once."""
+
+from __future__ import annotations
+
+import pytest
+
+from messages.topics import BASE_STATUS
+from services.sim.physics.world import Contact
+from tests.services.sim.drive.simulation_harness import NAME, run_simulation
+
+
+def test_a_collision_counts_once_when_it_begins_also_after_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
+    with run_simulation() as world:
+        touching: list[Contact] = []
+        monkeypatch.setattr(world.simulation.world, "contacts", lambda: tuple(touching))
+
+        def told() -> tuple[bool, int]:
+            world.run(0.4)
+            status = world.received(BASE_STATUS)[-1]
+            return status.colliding, status.collisions
+
+        assert told() == (False, 0)
+        touching.append(Contact(NAME, "wall"))
+        assert told() == (True, 1)
+        assert told() == (True, 1), "it goes on"
+        touching.append(Contact(NAME, "door"))
+        assert told() == (True, 2)
+        world.simulation.reset(False)
+        assert told() == (True, 4), "a new start in the same place"
+        touching.clear()
+        assert told() == (False, 4)
