@@ -10,6 +10,7 @@ from msgspec import Meta
 from deploy.report.checks import Bound, Bounds
 from deploy.restart_policy import RestartMode, RestartPolicy
 from models import display_name
+from models.angles import Angle
 from services.runtime.transport.zenoh_config import PORT
 from services.sim.engines import Engine
 
@@ -42,7 +43,7 @@ class StartPose(FleetTable, frozen=True, kw_only=True):
     x: Coordinate = 0.0
     y: Coordinate = 0.0
     z: Coordinate = 0.0
-    yaw: Annotated[float, Meta(ge=-100, le=100, extra={"unit": "rad"})] = 0.0
+    yaw: Angle = 0.0
 
 
 class RunConfig(FleetTable, frozen=True, kw_only=True):

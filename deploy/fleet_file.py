@@ -33,6 +33,7 @@ from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
 from models import is_world_file
+from models.angles import angle_fault
 from models.robot_source import resolve_robot
 from models.toml_source import TomlKey, TomlSource, key_path
 from models.world import find_world, read_world
@@ -130,7 +131,7 @@ def parse_fleet(path: Path, text: str, overrides: Sequence[str] = (), robots: in
     try:
         fleet = msgspec.convert(_place_in_world(_split_bounds(tree, source), source, path.parent), Fleet)
     except msgspec.ValidationError as error:
-        raise _locate_error(source, str(error)) from None
+        raise _locate_error(source, tree, str(error)) from None
     source = source.with_written(grid_key(fleet))
     fleet = _resolve_user_files(expand_grids(fleet), path.parent)
     fleet = _resolve_robots(replace(fleet, folder=str(path.parent.absolute())), source)
@@ -244,7 +245,7 @@ def _resolve_robots(fleet: Fleet, source: TomlSource) -> Fleet:
     return replace(fleet, robot=tuple(robots), run=replace(fleet.run, packages=tuple(map(str, packages))))
 
 
-def _locate_error(source: TomlSource, error: str) -> BadInput:
+def _locate_error(source: TomlSource, tree: dict[str, Any], error: str) -> BadInput:
     """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
     text, _, where = error.partition(" - at `$")
     path = key_path(where.rstrip("`"))
@@ -262,7 +263,18 @@ def _locate_error(source: TomlSource, error: str) -> BadInput:
         choices = _choices(inspect.type_info(Fleet), path)
         near = did_you_mean(found[1], choices)
         text = f"{found[1][:80]!r} is none of {', '.join(choices)}{near}" if choices else text
+    text = angle_fault(_value(tree, path), path) or text
     return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
+
+
+def _value(tree: Any, path: Sequence[TomlKey]) -> Any:
+    """What the file has at ``path``; None where it is not the file's own."""
+    for step in path:
+        try:
+            tree = tree[step]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return tree
 
 
 def _choices(kind: inspect.Type, path: Sequence[TomlKey]) -> tuple[str, ...]:

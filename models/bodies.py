@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from messages.errors import BadInput
 from messages.se3 import IDENTITY, Pose3, Vector
+from models.angles import Angle
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -207,7 +208,7 @@ class Box(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     name: str
     size: tuple[Extent, Extent, Extent]
     position: tuple[Coordinate, Coordinate, Coordinate]
-    yaw: float = 0.0
+    yaw: Angle = 0.0
     colour: tuple[Shade, Shade, Shade, Shade] = GREY
 
     def body(self) -> WorldBody:
@@ -221,7 +222,7 @@ class Start(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     x: Coordinate = 0.0
     y: Coordinate = 0.0
-    yaw: float = 0.0
+    yaw: Angle = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from messages.errors import BadInput, nearest, unknown_name
 from messages.nav import MOST_CELLS
 from messages.se3 import Pose3
+from models.angles import angle_fault
 from models.bodies import (
     MAX_PARTS,
     BadWorld,
@@ -84,6 +85,8 @@ def read_plan(keys: PlanKeys, folder: Path) -> FloorPlan:
         stated = MapFile(image=path, resolution=keys.resolution, origin=(0.0, 0.0, 0.0))
     if keys.origin is not None:
         x, y, *yaw = keys.origin
+        if yaw and (fault := angle_fault(yaw[0])):
+            raise BadInput(f"origin: {fault}")
         stated = msgspec.structs.replace(stated, origin=(x, y, yaw[0] if yaw else 0.0))
     if keys.occupied_thresh is not None:
         stated = msgspec.structs.replace(stated, occupied_thresh=keys.occupied_thresh)

@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from messages.errors import BadInput, unknown_name
 from messages.se3 import IDENTITY, Pose3, quaternion_from_rpy
+from models.angles import Angle, angle_fault
 from models.bodies import (
     GREY,
     GROUND_NAME,
@@ -65,7 +66,6 @@ COLOURS: dict[str, Colour] = {
 }
 """Colours by name."""
 
-Angle = Annotated[float, Meta(ge=-100, le=100, extra={"unit": "rad"})]
 Friction = Annotated[float, Meta(ge=0, le=10)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 ColourValue = Annotated[tuple[Shade, ...], Meta(min_length=3, max_length=4)] | str
@@ -349,6 +349,7 @@ class _TomlWorld:
         if path[-1:] == ("shape",) or "required field `shape`" in text:
             shape = self._value(path) if path[-1:] == ("shape",) else ""
             return BadWorld(str(unknown_name("shape", str(shape), _SHAPES, self._source.location(*path))))
+        text = angle_fault(self._value(path), path) or text
         shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
         return BadWorld(f"{self._source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
 

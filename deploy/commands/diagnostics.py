@@ -43,16 +43,33 @@ _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "
 @click.command("test", context_settings={"ignore_unknown_options": True})
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def test_command(arguments: tuple[str, ...]) -> None:
-    """Run all tests but the measurements; arguments are passed to pytest, with paths relative to the project.
+    """Run all tests but the measurements, or those of a file of your own; arguments are passed to pytest.
 
-    Test files run in parallel unless single files are named; -n sets the number of processes, -n 0 runs in this one.
-    -m selects by markers: quick, slow, process, fleet, browser, bench. `./elea test -h` shows the options of pytest.
+    Paths count from the current folder, else from the project. Test files run in parallel unless single files are
+    named; -n sets the number of processes, -n 0 runs in this one. -m selects by markers: quick, slow, process, fleet,
+    browser, bench. `./elea test -h` shows the options of pytest.
     """
+    arguments = tuple(path_from(each, Path.cwd()) for each in arguments)
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     beside = parallel_arguments(arguments, worker_count(len(os.sched_getaffinity(0))))
-    beside += [] if any(each.startswith("-m") for each in arguments) else ["-m", "not bench"]
+    if not any(each.startswith("-m") for each in arguments) and not are_of_others(arguments):
+        beside += ["-m", "not bench"]
     os.execve(sys.executable, [sys.executable, "-P", "-m", "pytest", *beside, *arguments], environment)
+
+
+def path_from(argument: str, folder: Path) -> str:
+    """The argument, a path that is there counted from ``folder`` made absolute, as the tests run in the project."""
+    path, colons, test = argument.partition("::")
+    is_path = not argument.startswith("-") and ("/" in path or path.endswith(".py"))
+    return f"{folder / path}{colons}{test}" if is_path and (folder / path).exists() else argument
+
+
+def are_of_others(arguments: Sequence[str]) -> bool:
+    """Whether all tests that are named lie outside this project's, and so know none of its markers."""
+    named = [Path(each.partition("::")[0]).resolve() for each in arguments if not each.startswith("-")]
+    there = [each for each in named if each.exists()]
+    return bool(there) and not any(each == ROOT or each.is_relative_to(ROOT / "tests") for each in there)
 
 
 def worker_count(processors: int) -> int:

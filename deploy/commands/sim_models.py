@@ -33,8 +33,17 @@ def pose_options(command: F) -> F:
     """Add options for the six numbers of a pose; None if not given."""
     for short, name, unit in reversed(POSE_OPTIONS):
         names = [short, name] if len(name) == 1 else [short, f"--{name}", name]
-        command = click.option(*names, type=float, help=f"{name.capitalize()}, {unit}.")(command)
+        checked = _check_angle if unit == "rad" else None
+        command = click.option(*names, type=float, help=f"{name.capitalize()}, {unit}.", callback=checked)(command)
     return command
+
+
+def _check_angle(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
+    from models.angles import angle_fault
+
+    if fault := angle_fault(value):
+        raise click.BadParameter(fault)
+    return value
 
 
 @click.command("list")

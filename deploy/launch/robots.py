@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 from collections.abc import Iterator, Mapping
@@ -13,6 +14,7 @@ from deploy.launch.launch_file import Launch, LaunchNode, join_names
 from deploy.launch.launch_values import Description, description_of, read_text
 from deploy.rosparam_tree import Tree, get_parameter
 from models import MODELS
+from models.angles import angle_fault
 from models.gazebo_tags import parse_gazebo_tags
 from models.model import WheelConfig, read_model
 from models.robot_source import resolve_robot, resolve_urdf_text
@@ -94,6 +96,13 @@ def read_spawn(node: LaunchNode, launch: Launch) -> Spawn:
             flags.add(option)
     axes = {"-x": "x", "-y": "y", "-z": "z", "-Y": "yaw"}
     pose = {axis: _number(node, option, values.get(option, "0")) for option, axis in axes.items()}
+    if angle_fault(pose["yaw"]):
+        turned = math.remainder(pose["yaw"], math.tau)
+        launch.note(
+            f"{node.where}: spawn_model -Y {pose['yaw']:g} counts in rad, as in Gazebo, which is a heading of "
+            f"{turned:.4f}; {pose['yaw']:g} degrees would be {math.radians(pose['yaw']):.4f}"
+        )
+        pose["yaw"] = turned
     for option in ("-R", "-P"):
         if values.get(option, "0").strip("0.-"):
             launch.note(f"{node.where}: spawn_model {option} {values[option]}: robots of a fleet start level")

@@ -96,6 +96,8 @@ def test_wrong_name(old: str, new: str, place: int, hint: str) -> None:
         ("factor = 2", "factor = 0", 4, "run.factor"),
         ("factor = 2", "factor = nan", 4, "run.factor"),
         ("x = 1,", 'x = "1",', 8, "robot[0].pose.x"),
+        ("yaw = 1.57", "yaw = 90", 8, "robot[0].pose.yaw: 90 rad is more than a whole turn, 6.28: angles are in rad"),
+        ("yaw = 1.57", "yaw = -inf", 8, "robot[0].pose.yaw: Expected `float` >= -6.3"),
         ("parameters.laps = 2", "parameters.laps = -2", 16, "laps"),
         ("[3, 4],", '[3, "four"],', 17, "goals"),
         ("max_linear = 0.1", "max_linear = 1e9", 24, "max_linear"),

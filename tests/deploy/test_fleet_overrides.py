@@ -61,6 +61,8 @@ def test_what_cannot_be_set_is_told_with_the_assignment() -> None:
         "b.model=wafle": "--set b.model=wafle: unknown model 'wafle'; did you mean 'waffle'",
         "b.modle=waffle": "--set b.modle=waffle: unknown key 'modle'; did you mean 'model'",
         "a.pose.x=far": "--set a.pose.x=far: robot[0].pose.x: Expected `float`, got `str`",
+        "b.pose.yaw=-180": "--set b.pose.yaw=-180: robot[1].pose.yaw: -180 rad is more than a whole turn, 6.28: angles "
+        "are in rad, so write -3.1416 for -180 degrees",
         "a.parameters.odometry=true": "--set a.parameters.odometry=true: parameter odometry",
         "driver.laps=-1": "--set driver.laps=-1",
         "run.factor=0": "--set run.factor=0: run.factor",

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import ClassVar
+from typing import Any
 
 import pytest
 
-import messages.topics
 from deploy.fleet_file import read_fleet
 from deploy.parameter_sets import parameter_sets
-from messages.base import Finite, Message
-from messages.std import Float32, Header
+from messages.base import Message
+from messages.std import Float32
 from messages.topics import CMD_VEL
 from services.catalog import load_user_service
 from services.controller_manager.config import TYPES
@@ -24,12 +23,27 @@ from tests.docs.readme import DOCS, blocks
 
 def test_the_topic_and_the_record_can_be_declared() -> None:
     topic, record = blocks("python", (DOCS / "topics.md").read_text())
-    names = {**vars(messages.topics), "Float32": Float32, "ClassVar": ClassVar, "Header": Header, "Finite": Finite}
+    names: dict[str, Any] = {}
     exec(topic, names)
-    assert names["BATTERY"].record is Float32
     exec(record, names)
+    assert names["BATTERY"].record is Float32
     assert issubclass(names["BatteryState"], Message)
     assert names["BatteryState"]().voltage == 0.0
+
+
+def test_a_controller_publishes_on_the_topic_of_a_file_beside_it(tmp_path: Path) -> None:
+    topic, _ = blocks("python", (DOCS / "topics.md").read_text())
+    (tmp_path / "battery.py").write_text(topic)
+    (tmp_path / "sender.py").write_text(
+        "from battery import BATTERY\nfrom services.runtime import Float32, main\n\n\ndef run(ctx):\n"
+        "    for _ in ctx.ticks():\n        ctx.publish(BATTERY, Float32(data=12.6))\n\n\n"
+        'main(run, name="sender", about="Publishes the charge.", rate=1)\n'
+    )
+    names: dict[str, Any] = {}
+    exec(topic, names)
+    with run_service(load_user_service(str(tmp_path / "sender.py")), "/r") as sender:
+        sender.set_time(1.0)
+        assert math.isclose(sender.next(names["BATTERY"]).data, 12.6, rel_tol=1e-6)
 
 
 def test_the_service_with_a_parameter_runs_by_it(tmp_path: Path) -> None:

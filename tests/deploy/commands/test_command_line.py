@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -99,3 +100,18 @@ def test_test_has_the_exit_status_of_pytest(state: dict[str, str], tmp_path: Pat
     (tmp_path / "test_x.py").write_text("def test_x():\n    assert False\n")
     assert elea(state, "test", str(tmp_path / "test_x.py"), "--no-header").returncode == 1
     assert elea(state, "test", str(tmp_path / "nowhere.py")).returncode == 4
+
+
+@pytest.mark.parametrize(("package", "verb"), [("msgspec", "ps"), ("zenoh", "up")])
+def test_an_environment_with_a_package_missing_is_told_with_the_remedy(
+    state: dict[str, str], tmp_path: Path, package: str, verb: str
+) -> None:
+    program = f"import runpy, sys; sys.modules[{package!r}] = None; sys.argv[1:] = [{verb!r}]; "
+    program += "runpy.run_module('deploy', run_name='__main__', alter_sys=True)"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program], env=state, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith(f"elea: the Python package {package} is missing in {sys.prefix}: ")
+    assert "Remove that folder" in done.stderr
+    assert "Traceback" not in done.stderr

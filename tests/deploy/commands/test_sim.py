@@ -136,6 +136,8 @@ def test_properties(sim_command: SimCommandLine) -> None:
         (("configure", "arm"), 2, "Missing argument"),
         (("spawn", "arn", "new"), 1, "unknown model 'arn'; did you mean 'arm'"),
         (("spawn", "burger", "tb3"), 1, "already a robot 'tb3'"),
+        (("spawn", "burger", "new", "-Y", "90"), 2, "90 rad is more than a whole turn, 6.28: angles are in rad"),
+        (("set-state", "tb3", "-R", "-90"), 2, "'-R' / '--roll': -90 rad is more than a whole turn"),
         (("delete", "nobody"), 1, "unknown model 'nobody'"),
         (("step", "0"), 2, "0 is not in the range"),
         (("stepp",), 2, "unknown verb 'stepp'; did you mean 'step'"),

@@ -1,10 +1,13 @@
-"""How many tests ``elea test`` runs at a time."""
+"""Which tests ``elea test`` runs, and how many at a time."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from deploy.commands.diagnostics import parallel_arguments, worker_count
+from deploy.commands.diagnostics import are_of_others, parallel_arguments, path_from, worker_count
+from services.runtime.process import ROOT
 
 TWO = ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
 
@@ -40,3 +43,22 @@ def test_who_names_files_or_a_number_gets_that(arguments: list[str]) -> None:
 @pytest.mark.parametrize(("processors", "tests"), [(1, 1), (2, 3), (4, 6), (6, 8), (64, 8)])
 def test_more_tests_than_processors_run_at_a_time_since_they_wait(processors: int, tests: int) -> None:
     assert worker_count(processors) == tests
+
+
+def test_paths_count_from_the_current_folder_else_from_the_project(tmp_path: Path) -> None:
+    (tmp_path / "test_mine.py").touch()
+    (tmp_path / "lockstep").mkdir()
+    assert path_from("test_mine.py::test_it", tmp_path) == f"{tmp_path}/test_mine.py::test_it"
+    assert path_from("./lockstep", tmp_path) == f"{tmp_path / 'lockstep'}"
+    for kept in ("lockstep", "tests/models", "-x", "--junitxml=test_mine.py", f"{tmp_path}/test_mine.py"):
+        assert path_from(kept, tmp_path) == kept
+
+
+def test_tests_outside_of_the_project_are_not_asked_for_its_markers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert are_of_others([f"{tmp_path}::test_it", "-x"])
+    assert are_of_others(["deploy", "-k", "lockstep"]), "a file of one's own in the checkout"
+    for ours in ([], ["tests/models", str(tmp_path)], ["-k", "lockstep"], [str(ROOT)], ["tests"]):
+        assert not are_of_others(ours), ours

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -212,6 +213,16 @@ def test_a_robot_starts_with_its_joints_as_they_are_spawned(workspace: LaunchWor
         assert any(text in each for each in made.notes), (text, made.notes)
     fleet = checked_fleet(workspace.source / "talks/launch/test.launch", made)
     assert fleet.robot[0].joints == {"bear_link": -0.25}
+
+
+def test_a_heading_in_degrees_is_what_gazebo_makes_of_it_and_is_noted(workspace: LaunchWorkspace) -> None:
+    made = workspace.fleet(DESCRIBED + SPAWN.format(args="rover -Y 90"))
+    (robot,) = made.table["robot"]
+    assert robot["pose"] == {"yaw": math.remainder(90, math.tau)}
+    assert any(
+        "-Y 90 counts in rad, as in Gazebo" in each and "90 degrees would be 1.5708" in each for each in made.notes
+    )
+    checked_fleet(workspace.source / "talks/launch/test.launch", made)
 
 
 def test_a_robot_and_a_world_of_the_users_own_are_taken(workspace: LaunchWorkspace) -> None:

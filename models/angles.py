@@ -1,0 +1,28 @@
+"""Angles that people write, in rad, and the error for one that was meant in degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+from msgspec import Meta
+
+from models.toml_source import TomlKey
+
+MAX_ANGLE = 6.3
+"""rad: a whole turn, also where it is rounded up. Beyond it, 90 and 180 are degrees and no headings."""
+Angle = Annotated[float, Meta(ge=-MAX_ANGLE, le=MAX_ANGLE, extra={"unit": "rad"})]
+_KEYS = {"yaw", "rpy"}
+
+
+def angle_fault(value: object, path: Sequence[TomlKey] = ("yaw",)) -> str:
+    """What is wrong with the angle at ``path`` of a file; empty if nothing is, or if it is no angle."""
+    if not isinstance(value, int | float) or not math.isfinite(value) or abs(value) <= MAX_ANGLE:
+        return ""
+    if not _KEYS.intersection(path[-2:]):
+        return ""
+    return (
+        f"{value:g} rad is more than a whole turn, 6.28: angles are in rad, so write {math.radians(value):.4f} "
+        f"for {value:g} degrees"
+    )
