@@ -54,7 +54,7 @@ def laser_ranges(world: World, robots: Sequence[str], laser: LaserConfig, noise:
 
 
 def laser_scan(laser: LaserConfig, ranges: Floats, header: Header) -> LaserScan:
-    """A turn of a laser, of ``ranges`` of shape (samples,), m."""
+    """A turn of a laser, of ``ranges`` of shape (samples,), m. Nothing here reflects: as in Gazebo, intensities are 0."""
     return LaserScan(
         header=header,
         angle_min=laser.angle_min,
@@ -64,7 +64,13 @@ def laser_scan(laser: LaserConfig, ranges: Floats, header: Header) -> LaserScan:
         range_min=laser.range_min,
         range_max=laser.range_max,
         ranges=Float32Array(ranges),
+        intensities=_zeros(len(ranges)),
     )
+
+
+@cache
+def _zeros(samples: int) -> Float32Array:
+    return Float32Array(np.zeros(samples))
 
 
 @cache

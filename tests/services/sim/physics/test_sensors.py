@@ -40,8 +40,10 @@ def test_a_laser_does_not_see_its_own_robot_or_the_ground(spawn: Spawner, world:
     robot = spawn(model=model)
     drive_robots([robot], 0.2, 1.0, 1.0)
     laser = laser_of(model)
-    ranges = scan_of(world, "robot", laser).ranges.numpy()
+    scan = scan_of(world, "robot", laser)
+    ranges = scan.ranges.numpy()
     assert ranges.shape == (laser.samples,)
+    assert scan.intensities == [0.0] * laser.samples
     assert np.isinf(ranges).all()
     assert (ranges > 0).all()
 
