@@ -2,3 +2,6 @@
 
 VERSION = "0.1.0"
 """The version of this project; pyproject.toml states it for installers."""
+
+INTERRUPTED = 130
+"""Exit status of what was interrupted before its own end, as shells use it."""

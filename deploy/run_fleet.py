@@ -10,7 +10,7 @@ from datetime import datetime
 
 import msgspec
 
-from deploy import VERSION
+from deploy import INTERRUPTED, VERSION
 from deploy.fleet import Fleet
 from deploy.instance_lock import check_parameter_file_unused, instance_lock
 from deploy.parameter_sets import SavedParameterNotes, effective_parameters, fleet_values, overridden_parameter_note
@@ -33,9 +33,6 @@ from services.runtime.fleet_instances import FleetInstance
 from services.runtime.process import ROOT
 from services.runtime.transport.zenoh_config import OPEN_TO_ALL, is_local
 from services.sim.engines import default_engine
-
-INTERRUPTED = 130
-"""Exit status of a run that was ended by Ctrl-C or ``down`` before its own end, as shells use it."""
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):

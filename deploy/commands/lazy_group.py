@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import click
 from click.shell_completion import CompletionItem
 
+from deploy import INTERRUPTED
+
 
 class LazyCommand(NamedTuple):
     """The location of a verb's command, and its one-line help.
@@ -38,6 +40,13 @@ class LazyGroup(click.Group):
         command = getattr(importlib.import_module(f"deploy.commands.{module}"), name or "command")
         assert isinstance(command, click.Command)
         return command
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the verb; one that does not handle Ctrl-C itself ends with a status of its own, not as a failure."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            ctx.exit(INTERRUPTED)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from deploy import INTERRUPTED
 from deploy.commands.completion import FLEET
 from deploy.fleet import MODES
 from services.runtime.errors import BadInput
@@ -164,7 +165,6 @@ def _check_picture(definition: Definition, robots: tuple[str, ...], plot: str, o
 def _run(definition: Definition, folder: Path, jobs: int, retry: bool, plot: str, over: str, as_json: bool) -> int:
     from deploy.live.output import ignore_output_errors, write_json
     from deploy.progress import open_display
-    from deploy.run_fleet import INTERRUPTED
     from deploy.sweep.results import make_row, read_result, write_tables
     from deploy.sweep.runner import Sweep, pending_runs, run_folder
     from services.runtime.atomic_file import write_atomic

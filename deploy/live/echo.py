@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from deploy import INTERRUPTED
 from deploy.interfaces import canonical_type, known_record, record_by_type
 from deploy.live.connect import cli_node, spin
 from deploy.live.learned_types import record_on_network
-from deploy.live.measure import INTERRUPTED
 from deploy.live.message_format import MAX_ELEMENTS, csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.topics import absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from deploy import INTERRUPTED
 from deploy.live.connect import cli_node, spin
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
@@ -22,9 +23,6 @@ REPORT_PERIOD_S = 1.0
 """Wall time between two reports."""
 _CLOCK_TIMEOUT_S = 0.5
 """Wall time [s] that a sample without a stamp waits for a later clock sample, to know when it was sent."""
-
-INTERRUPTED = 130
-"""Exit status of a command that was interrupted before the requested number of messages."""
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from deploy import INTERRUPTED
 from deploy.interfaces import known_topic, record_by_type
 from deploy.live.connect import cli_node, spin, user_and_host
 from deploy.live.learned_types import record_on_network
-from deploy.live.measure import INTERRUPTED
 from deploy.live.message_builder import MessageBuilder, split_type
 from deploy.live.message_format import to_flow_yaml, truncate
 from deploy.live.output import write_json, write_note, write_text

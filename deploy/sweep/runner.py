@@ -15,8 +15,8 @@ from pathlib import Path
 
 import msgspec
 
+from deploy import INTERRUPTED
 from deploy.report.record import REPORT_FILE
-from deploy.run_fleet import INTERRUPTED
 from deploy.sweep.definition import Definition, Run
 from deploy.sweep.results import RESULT_FILE, Result, read_result
 from messages.base import DECODE_ERRORS

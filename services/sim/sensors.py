@@ -54,7 +54,7 @@ def laser_ranges(world: World, robots: Sequence[str], laser: LaserConfig, noise:
 
 
 def laser_scan(laser: LaserConfig, ranges: Floats, header: Header) -> LaserScan:
-    """A turn of a laser, of ``ranges`` of shape (samples,), m. Nothing here reflects: as in Gazebo, intensities are 0."""
+    """A turn of a laser, of ``ranges`` of shape (samples,), m; intensities are 0, as in Gazebo without reflectors."""
     return LaserScan(
         header=header,
         angle_min=laser.angle_min,

@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
-from deploy.run_fleet import INTERRUPTED
+from deploy import INTERRUPTED
 from services.runtime.process import ROOT
 from tests.deploy.supervisor.supervisor_harness import has_ended
 from tests.harness.fork_server import ForkedVerb

@@ -8,8 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
+from deploy.commands import cli
 from services.runtime.process import ROOT
 from tests.harness.fork_server import run_verb
 
@@ -94,6 +96,17 @@ def test_run_gives_a_service_its_options(state: dict[str, str]) -> None:
     ), "a private parameter, as ROS 1 writes it"
     done = elea(state, "run", "waypoint", "--remap", "_lap:=3", "--print-config")
     assert (done.returncode, "unknown parameter 'lap'; did you mean 'laps'?" in done.stderr) == (2, True)
+
+
+def test_an_interrupted_verb_has_a_status_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys, "argv", ["elea", "ps"])
+    monkeypatch.setattr(click.Group, "invoke", interrupt)
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 130
 
 
 def test_test_has_the_exit_status_of_pytest(state: dict[str, str], tmp_path: Path) -> None:
