@@ -54,6 +54,8 @@ LOOK_S = 0.25
 """Wall time [s] between two requests to late members, of which a flood may have pushed out the first."""
 TOKEN_S = 30.0
 """Wall time [s] that the token of a new subscription may take to arrive, while its process is there."""
+LAST_REPORT_S = 0.5
+"""Wall time [s] for which the report of a step is awaited after the token of its member: tokens overtake reports."""
 MAX_LOOK_S = 0.5
 """One look counts as this much waiting at most: a machine that is too busy to look has not waited."""
 MAX_IDLE_NS = 100_000_000
@@ -139,6 +141,8 @@ class Barrier:
         self._outputs: Iterable[Publisher[Any]] = ()
         self._lost: dict[str, None] = {}
         self._left: dict[str, None] = {}
+        self._ending: dict[str, float] = {}
+        """Sessions without a token whose last report may be on its way, and since when [s of wall time]."""
         self.version = 0
         """Grows whenever ``state`` may have changed."""
         self._begun = False
@@ -211,6 +215,9 @@ class Barrier:
         for token in tokens:
             if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
                 self._note_readiness(entity, token.alive)
+        for session, since in list(self._ending.items()):
+            if time.monotonic() - since > LAST_REPORT_S:
+                self._remove(self._members[session])
         self._admit()
         if self._joining and self._all_here():
             for member in self._joining:
@@ -424,6 +431,7 @@ class Barrier:
         _count(self._ready, claim, alive)
         if alive:
             self._sharing[claim] = entity.sharing
+            self._ending.pop(entity.session, None)
         if claim not in self._ready:
             self._sharing.pop(claim, None)
             self._not_before.pop(entity.session, None)
@@ -431,9 +439,16 @@ class Barrier:
             if member is not None and entity.node in member.ids:
                 if member.answer is not None and member.answer.leaving:
                     return  # its last report is here, and counts with those of its tick
-                self._drop(member)
-                self._gone.append(member)
-                self._lose(member, "its process is gone")
+                if member.answer is None and member.session in self._pending:
+                    self._ending.setdefault(member.session, time.monotonic())
+                else:
+                    self._remove(member)
+
+    def _remove(self, member: MemberState) -> None:
+        """A member's process has disappeared."""
+        self._drop(member)
+        self._gone.append(member)
+        self._lose(member, "its process is gone")
 
     def _admit(self) -> None:
         """Add ready sessions as members: for each name without a member, the first session that holds it.
@@ -489,6 +504,7 @@ class Barrier:
         del self._members[member.session]
         self._pending.pop(member.session, None)
         self._answers.pop(member.session, None)
+        self._ending.pop(member.session, None)
         for key, sessions in list(self._declared.items()):
             if sessions.pop(member.session, self) is None and not sessions:
                 del self._declared[key]
