@@ -32,6 +32,8 @@ MAX_HOLDERS = 32
 """Of one robot that are told apart: whoever forges ids fills neither memory nor disk."""
 MAX_FILE_BYTES = 1 << 22
 """Bytes of the file."""
+MAX_DELETED = 1000
+"""Deleted robots of which the last samples are remembered."""
 RETRY_S = 1.0
 """Wall time between two attempts to write the file."""
 
@@ -69,6 +71,9 @@ class EmergencyStopStore:
         self._path, self._node_name, self._log = path, name_of, log
         self._wall, self._monotonic = wall, monotonic
         self._stops: dict[str, dict[str, EmergencyStop]] = {}
+        self._heard: dict[str, dict[bytes, SampleInfo]] = {}
+        """By robot, the last sample of each publisher."""
+        self._heard_by_deleted: dict[str, dict[bytes, SampleInfo]] = {}
         self._changed = self._unsaved = self._warned_no_file = False
         self._retry_at = 0.0
 
@@ -102,10 +107,20 @@ class EmergencyStopStore:
         return tuple(dict.fromkeys(each.holder for each in held))
 
     def process(self, robot: str, topic: str, batch: list[tuple[Any, SampleInfo | None]]) -> bool:
-        """Take what came on the ``e_stop`` of a robot, or of ALL; whether any of it was a stop, be it reset by now."""
+        """Take what came on the ``e_stop`` of a robot, or of ALL; whether any of it was a stop, be it reset by now.
+
+        What a deleted robot of the same name had heard says nothing of this one. It comes again, as the topic is
+        latched, while its holder does not know yet that the robot was deleted.
+        """
         any_stop = False
         for message, origin in batch:
             assert isinstance(message, Bool)
+            if origin is not None:
+                if self._heard_by_deleted.get(robot, {}).get(origin.publisher) == origin:
+                    continue
+                heard = self._heard.setdefault(robot, {})
+                if origin.publisher in heard or len(heard) < MAX_HOLDERS:
+                    heard[origin.publisher] = origin
             holder = FOREIGN_ID if origin is None else origin.publisher[:NODE_BYTES].hex()
             if message.data:
                 any_stop = True
@@ -138,6 +153,10 @@ class EmergencyStopStore:
         """A robot was deleted: its own stops go with it."""
         if self._stops.pop(robot, None) is not None:
             self._changed = True
+        if heard := {**self._heard_by_deleted.pop(robot, {}), **self._heard.pop(robot, {})}:
+            self._heard_by_deleted[robot] = dict([*heard.items()][-MAX_HOLDERS:])
+            if len(self._heard_by_deleted) > MAX_DELETED:
+                del self._heard_by_deleted[next(iter(self._heard_by_deleted))]
 
     def save(self) -> bool:
         """Write what has changed, and try again what could not be written; whether anything has changed since the

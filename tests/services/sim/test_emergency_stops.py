@@ -98,6 +98,19 @@ def test_a_deleted_robot_takes_its_stops_with_it(tmp_path: Path) -> None:
     assert [each.robot for each in StopHarness(tmp_path / "stops.json").stops.all] == ["b"]
 
 
+def test_a_robot_is_not_stopped_by_what_a_deleted_one_of_its_name_had_heard() -> None:
+    """A latched stop comes again while its holder does not know of the deletion."""
+    desk = StopHarness()
+    for _ in range(3):
+        desk.say("/panel", True)
+        desk.stops.remove_robot("a")
+    assert not desk.say("/panel", True)
+    assert desk.stops.holders("a") == ()
+    again = SampleInfo(2, 1, 16, publisher_id("/panel", "s", "e_stop"))
+    assert desk.stops.process("a", "/a/e_stop", [(Bool(data=True), again)])
+    assert desk.stops.holders("a") == ("/panel",)
+
+
 def test_release_names_what_there_is() -> None:
     desk = StopHarness()
     with pytest.raises(BadInput, match=r"no emergency stop of a to release \(stops that hold: none\)"):
