@@ -47,7 +47,7 @@ def test_echo_as_csv(running: BackgroundFleet) -> None:
     assert [len(each) for each in rows] == [6, 6]
     assert float(rows[0][5]) == pytest.approx(1.0, abs=1e-6)
     whole = running.run("topic", "echo", "-p", "--no-header", "--once", "tb3_0/scan").out
-    assert len(next(csv.reader(io.StringIO(whole)))) == 10 + 360
+    assert len(next(csv.reader(io.StringIO(whole)))) == 10 + 2 * 360
 
 
 def test_echo_cuts_lists_and_texts(running: BackgroundFleet) -> None:
