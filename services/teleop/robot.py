@@ -156,7 +156,7 @@ class RobotMonitor:
         return self._wall - self._last_received[index] > SILENCE_TIMEOUT_S
 
 
-_SUFFIX = f"/{CMD_VEL.name}"
+_SUFFIX, _STATUS_SUFFIX = f"/{CMD_VEL.name}", f"/{BASE_STATUS.name}"
 
 
 class BaseInfo(NamedTuple):
@@ -168,15 +168,25 @@ class BaseInfo(NamedTuple):
 
 
 def find_bases(entities: Iterable[Entity]) -> dict[str, BaseInfo]:
-    """Return the bases by namespace: nodes that subscribe to ``cmd_vel`` and publish there, unlike observers."""
+    """Return the bases by namespace: nodes that subscribe to ``cmd_vel`` and publish there, unlike observers.
+
+    A controller's name is a second namespace of its base, below that in which the base tells of its status.
+    """
     known = tuple(entities)
+    telling = {
+        (each.node, each.name.removesuffix(_STATUS_SUFFIX))
+        for each in known
+        if each.kind == "pub" and each.name.endswith(_STATUS_SUFFIX)
+    }
     found = {}
     for each in known:
         if each.kind != "sub" or not each.name.endswith(_SUFFIX):
             continue
         above = each.name.removesuffix(_SUFFIX)
         if any(e.kind == "pub" and e.node == each.node and e.name.rpartition("/")[0] == above for e in known):
-            found[above or "/"] = BaseInfo(above or "/", each.name, each.record)
+            around = [name for node, name in telling if node == each.node and f"{above}/".startswith(f"{name}/")]
+            base = max(around, key=len, default=above)
+            found[above or "/"] = BaseInfo(base or "/", f"{base}{_SUFFIX}", each.record)
     return dict(sorted(found.items()))
 
 
@@ -190,9 +200,10 @@ def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseIn
     """
     if not found:
         raise BadInput(f"no robot takes commands at {where}: is a fleet up that has one? (./elea ps lists them)")
-    listed = ", ".join(found)
+    bases = dict.fromkeys(each.namespace for each in found.values())
+    listed = ", ".join(bases)
     if not asked:
-        if len(found) > 1:
+        if len(bases) > 1:
             raise BadInput(f"there are several robots: choose one of {listed}")
         return next(iter(found.values()))
     try:

@@ -43,6 +43,17 @@ def test_a_base_may_lie_in_the_root() -> None:
     assert choose_base("/", root, "x").topic == "/cmd_vel"
 
 
+@pytest.mark.parametrize("base", ["/p3dx", ""])
+def test_the_name_of_a_controller_leads_to_its_base(base: str) -> None:
+    topics = [f"{base}{each}" for each in ("/cmd_vel", "/diff/cmd_vel")]
+    told = [entity("pub", "/sim", f"{base}{each}") for each in ("/odom", "/diff/odom", "/base_status")]
+    found = find_bases([*told, *(entity("sub", "/sim", each) for each in topics)])
+    for asked in ("", base or "/", f"{base}/diff"):
+        assert choose_base(asked, found, "x") == BaseInfo(base or "/", f"{base}/cmd_vel", TWIST), asked
+    with pytest.raises(BadInput, match="known: "):
+        choose_base(f"{base}/other", found, "x")
+
+
 @pytest.mark.parametrize("asked", ["/p3dx", "p3dx", "/p3dx/"])
 def test_a_base_is_found_by_its_namespace(asked: str) -> None:
     assert choose_base(asked, FOUND, "tcp/x:1").topic == "/p3dx/cmd_vel"
