@@ -22,6 +22,8 @@ SHARED = {"separate": "1", "shared": "25"}
 """Controllers in a process."""
 FROM_S, LENGTH_S = 2.0, 5.0
 """Where the timed span begins, and how long it is, in simulation time."""
+_SPARE_S = 60.0
+"""How much longer the run may last: few robots are far ahead when this process looks."""
 
 
 class TimedSwarm(NamedTuple):
@@ -74,13 +76,13 @@ def time_swarm(engine: Engine, size: int, share: str, port: int) -> TimedSwarm:
         fleet_file = Path(folder) / "swarm.toml"
         text = find_fleet("swarm").read_text()
         fleet_file.write_text(text.replace("share = 25", f"share = {share}"))
-        options = ("--robots", str(size), "--engine", engine, "--duration", str(end + 1))
+        options = ("--robots", str(size), "--engine", engine, "--duration", str(end + _SPARE_S))
         with BenchFleet(str(fleet_file), Path(folder) / "run", port, *options) as fleet, watch_fleet(fleet) as watch:
             started = watch.wait_until(STEP_NS / 1e9)
             begun, first = watch.wait_until(FROM_S), watch.now
             processes = list(fleet.services().values())
             before = sum(map(_cpu_time, processes))
-            ended, last = watch.wait_until(end), watch.now
+            ended, last = watch.wait_until(max(end, first + LENGTH_S)), watch.now
             cpu = 1000 * (sum(map(_cpu_time, processes)) - before) / (last - first)
             memory = sum(each.memory_full_info().pss for each in processes) / 2**20
             return TimedSwarm((last - first) / (ended - begun), started - fleet.started, memory, cpu)

@@ -32,9 +32,7 @@ def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -
 
 
 _MOST = 8
-"""Tests at a time."""
-_PER_PROCESSOR = 1.5
-"""Tests at a time for each processor: a test waits for some two fifths of its time, on fleets that start and drive."""
+"""Tests at a time; there is one for each processor, since many of them run a fleet of a dozen processes."""
 
 _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "--capture", "--co", "--collect-only")
 """Options of pytest that choose how many there are at a time, or that show what only one process can show."""
@@ -52,7 +50,7 @@ def test_command(arguments: tuple[str, ...]) -> None:
     arguments = tuple(path_from(each, Path.cwd()) for each in arguments)
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    beside = parallel_arguments(arguments, worker_count(len(os.sched_getaffinity(0))))
+    beside = parallel_arguments(arguments, len(os.sched_getaffinity(0)))
     if not any(each.startswith("-m") for each in arguments) and not are_of_others(arguments):
         beside += ["-m", "not bench"]
     os.execve(sys.executable, [sys.executable, "-P", "-m", "pytest", *beside, *arguments], environment)
@@ -72,13 +70,8 @@ def are_of_others(arguments: Sequence[str]) -> bool:
     return bool(there) and not any(each == ROOT or each.is_relative_to(ROOT / "tests") for each in there)
 
 
-def worker_count(processors: int) -> int:
-    """How many tests keep a number of processors busy, where most of them wait as well as compute."""
-    return min(_MOST, int(_PER_PROCESSOR * processors))
-
-
-def parallel_arguments(arguments: Sequence[str], workers: int) -> list[str]:
-    """Pytest's further arguments for a number of tests at a time; none if they run one by one.
+def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
+    """Pytest's further arguments for a number of CPUs; none if they run one by one.
 
     The tests of a file stay together, as they share what they start.
     """
@@ -87,7 +80,7 @@ def parallel_arguments(arguments: Sequence[str], workers: int) -> list[str]:
     files = [each for each in named if each.suffix == ".py"]
     if chosen or "no:xdist" in " ".join(arguments) or (files and not any(each.is_dir() for each in named)):
         return []
-    return ["-n", str(min(_MOST, workers)), "--dist", "loadfile", "--no-loadscope-reorder"]
+    return ["-n", str(min(_MOST, processors)), "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
 @click.command("bench")

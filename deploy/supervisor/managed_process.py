@@ -59,6 +59,8 @@ class ManagedProcess:
         self.failed_on_stop = False
         self.losses: list[str] = []
         """How it ended when it should not have, each time."""
+        self.failed = False
+        """Whether it ended with an error by itself; one that hung at its end had finished before."""
         self._reason = ""
         self._spawner, self._changed, self._rng, self._grace = spawner, changed, rng, grace
         self._dependencies: Sequence[ManagedProcess] = ()
@@ -204,6 +206,7 @@ class ManagedProcess:
             how = self._hang_reason or describe_exit(status)
             said = last_line(self._spawner.log_path(self.spec.name))
             now, chance = time.monotonic(), self._rng.random()
+            self.failed = self.failed or (status != 0 and not self._hang_reason)
             if status or self._hang_reason:
                 self.losses.append(f"{how}: {said}" if said and status > 0 else how)
             match decide_after_exit(self.spec.policy, self.restarts, now, status, chance, said):

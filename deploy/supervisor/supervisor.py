@@ -144,7 +144,7 @@ class Supervisor:
                 self._start(life)
             ended, reason = await self._end
             wall = time.monotonic() - self._clock_start
-            failed = tuple(name for life in self.processes.values() if life.losses for name in life.spec.names)
+            failed = tuple(name for life in self.processes.values() if life.failed for name in life.spec.names)
             await self._stop_all()
         finally:
             self.kill_all()

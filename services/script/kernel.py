@@ -42,6 +42,10 @@ from services.script.threads import FreeThreads, Threads, report_exception
 from services.script.topics import SubscriberFollower, TopicInput, TopicOutput, TopicReader
 from services.script.turns import TurnThreads
 
+_SEND_S = 0.03
+"""Wall time [s] in which what was published last leaves, before the tokens go: they overtake it."""
+_LEAVE_S = 0.3
+"""The same in lockstep, where the report of the last tick counts: without it the script is lost, and not finished."""
 _ANSWER_S = 330.0
 """Wall time [s] that a service of this project has to answer in lockstep: longer than the simulation, which answers
 when the other members are done or ask, too, waits for a slow one of them."""
@@ -412,8 +416,10 @@ class ScriptKernel:
             self._ended.stop()
 
     def close(self) -> None:
-        """Leave the network; what was published and reported leaves before the tokens, which go with the session."""
+        """Leave the network; what was published is on its way."""
         self.stop_loop()
+        if self.node is not None:
+            time.sleep(_LEAVE_S if self.lockstep else _SEND_S)
         self._resources.close()
 
     def follows_simulation(self) -> bool:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.commands.diagnostics import are_of_others, parallel_arguments, path_from, worker_count
+from deploy.commands.diagnostics import are_of_others, parallel_arguments, path_from
 from services.runtime.process import ROOT
 
 TWO = ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
@@ -38,11 +38,6 @@ def test_whole_folders_run_several_at_a_time(arguments: list[str]) -> None:
 )
 def test_who_names_files_or_a_number_gets_that(arguments: list[str]) -> None:
     assert parallel_arguments(arguments, 2) == []
-
-
-@pytest.mark.parametrize(("processors", "tests"), [(1, 1), (2, 3), (4, 6), (6, 8), (64, 8)])
-def test_more_tests_than_processors_run_at_a_time_since_they_wait(processors: int, tests: int) -> None:
-    assert worker_count(processors) == tests
 
 
 def test_paths_count_from_the_current_folder_else_from_the_project(tmp_path: Path) -> None:
