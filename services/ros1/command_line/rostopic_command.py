@@ -286,7 +286,7 @@ def main():
     }
     args = rospy.myargv()[1:]
     if not args or args[0] not in table:
-        sys.stderr.write("rostopic is a command-line tool for printing information about ROS Topics.\n\nCommands:\n")
+        sys.stderr.write("Show, measure and publish topics, in the words of ROS 1.\n\nCommands:\n")
         sys.stderr.writelines(f"\trostopic {each}\n" for each in COMMANDS)
         sys.exit(0 if args and args[0] in ("-h", "--help") else 2)
     try:

@@ -79,7 +79,7 @@ def test_it_reads_and_changes_values_as_in_ros(tmp_path: Path) -> None:
         for words, status, said in (
             (("set", "/arm_parameters", "Kq", "1"), 1, "error updating parameters: don't know parameter: Kq"),
             (("set", "/arm_parameters", "reference_type", "cosine"), 1, "can't set parameter 'reference_type' of"),
-            (("set", "/arm_parameters", "just words"), 2, "invalid arguments. Please specify either a node name"),
+            (("set", "/arm_parameters", "just words"), 2, "give a node, a parameter and its value"),
             (("set", "-t", "0.3", "/nobody", "Kp", "1"), 1, "/nobody/set_parameters"),
             (("load", "/arm_parameters", "nowhere.yaml"), 1, "nowhere.yaml: No such file"),
             (("sett",), 1, "dynparam set "),
