@@ -83,14 +83,7 @@ class RobotPublishers:
         self._status, self._commanded = extra.get(BASE_STATUS), extra.get(CMD_VEL_OUT)
         self._feedback: RobotPublisher | None = None
         mount = SensorMount(
-            world,
-            entry.name,
-            entry.model,
-            seed,
-            self._publisher,
-            self.frame_id,
-            lambda: self._actuation.noise,
-            node.log.warn,
+            world, entry.name, entry.model, seed, self._publisher, self.frame_id, actuation, node.log.warn
         )
         self.sensors = robot_sensors(mount, model)
         self.truth_template = self._odometry_template("world", self._base_frame, ZERO_COVARIANCE, ZERO_COVARIANCE)

@@ -44,12 +44,17 @@ _IMU_ERRORS = 6
 """Numbers of the noise of an inertial unit: three of the turn rate, three of the force."""
 
 
+class NoiseSwitch(Protocol):
+    """What says whether the sensors of a robot have noise now."""
+
+    noise: bool
+
+
 @dataclass(frozen=True)
 class SensorMount:
     """What the sensors of one robot share.
 
-    ``publisher`` advertises a topic of the robot, ``frame_id`` gives the id of a frame, ``noisy`` tells whether its
-    sensors have noise now, ``warn`` logs a warning.
+    ``publisher`` advertises a topic of the robot, ``frame_id`` gives the id of a frame, ``warn`` logs a warning.
     """
 
     world: World
@@ -58,7 +63,7 @@ class SensorMount:
     seed: int
     publisher: Callable[[Topic[Any]], RobotPublisher]
     frame_id: Callable[[str], str]
-    noisy: Callable[[], bool]
+    noise_switch: NoiseSwitch
     warn: Callable[[str], None]
 
     def noise(self, sensor: str, steps: int, count: int) -> NoiseSource:
@@ -81,7 +86,7 @@ class ImuSensor:
 
     def __init__(self, mount: SensorMount, unit: ImuConfig) -> None:
         self.steps, self.unit, self.robot = steps_of(unit.rate), unit, mount.robot
-        self.publisher, self.noisy = mount.publisher(IMU), mount.noisy
+        self.publisher, self.noise_switch = mount.publisher(IMU), mount.noise_switch
         self.noise = mount.noise("imu", self.steps, _IMU_ERRORS)
         frame = mount.frame_id(unit.mount.frame or unit.link)
         self.template = Template(
@@ -97,6 +102,7 @@ class _ImuReadings:
         self.robots = tuple(each.robot for each in units)
         self.links = tuple((each.robot, each.unit.link) for each in units)
         self.topics = RobotTopicGroup([each.publisher for each in units], [each.template for each in units])
+        self._noise_switches = [each.noise_switch for each in units]
         self._block, self._numbers = -1, np.empty((0, len(units), _IMU_ERRORS))
 
     def errors(self, tick: int) -> Floats:
@@ -104,7 +110,7 @@ class _ImuReadings:
         block, place = self.units[0].noise.place(tick)
         if block != self._block:
             self._block, self._numbers = block, np.stack([each.noise.block(block) for each in self.units], axis=1)
-        noisy = [each.noisy() for each in self.units]
+        noisy = [each.noise for each in self._noise_switches]
         numbers: Floats = self._numbers[place]
         return numbers if all(noisy) else np.where(np.array(noisy)[:, None], numbers, 0.0)
 
@@ -173,7 +179,7 @@ class LaserSensor:
 
     def noise(self, tick: int) -> Floats | None:
         """The numbers of the noise at a tick; None without noise."""
-        return self._noise.at(tick) if self._mount.noisy() else None
+        return self._noise.at(tick) if self._mount.noise_switch.noise else None
 
 
 def publish_scans(world: World, lasers: Iterable[LaserSensor], moment: Moment) -> None:
@@ -203,7 +209,7 @@ class SonarSensor:
         if not (every or single):
             return
         mount = self._mount
-        noise = self._noise.at(moment.tick) if mount.noisy() else None
+        noise = self._noise.at(moment.tick) if mount.noise_switch.noise else None
         echoes = sonar_ranges(mount.world, mount.robot, ring, noise)
         stamp = Time.of(moment.now)
         if every:
