@@ -47,6 +47,8 @@ class Actuation(Protocol):
     """What it is commanded by."""
     extra_topics: tuple[Topic[Any], ...]
     """What it publishes beside what every robot does."""
+    applies_efforts: bool
+    """Whether ``with_efforts`` says anything else than what is measured."""
 
     @property
     def step_controller(self) -> DiffDriveController | None:
@@ -182,6 +184,8 @@ def _spawn_body(
 
 class BaseActuation:
     """A base that obeys velocity commands by its driven wheels, or, if it is holonomic, with its whole body."""
+
+    applies_efforts = False
 
     def __init__(
         self,
@@ -327,6 +331,7 @@ class JointActuation:
     commanded_velocity = 0.0, 0.0
     publishes_odom_tf = True
     step_controller = None
+    applies_efforts = True
 
     def __init__(
         self,

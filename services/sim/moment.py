@@ -27,6 +27,9 @@ class Moment:
         """Of all bodies, where they are read together."""
         self._places: dict[str, int] = {}
         self._states: dict[str, BodyState] = {}
+        self._joint_rows: Floats | None = None
+        """Of all joints, where they are read together."""
+        self._joint_places: dict[str, slice] = {}
         self._joints: dict[str, JointReadings] = {}
 
     @cached_property
@@ -51,8 +54,17 @@ class Moment:
 
     def read_joints(self, names: Sequence[str]) -> None:
         """Read what ``joints`` will be asked for."""
-        if not self._joints and len(names) > MANY * len(self._world.names):
-            self._joints = dict(zip(self._world.names, self._world.joint_readings(), strict=True))
+        if self._joint_rows is None and len(names) > MANY * len(self._world.names):
+            self._joint_rows = self._world.joint_readings()
+
+    def joint_rows(self, names: Sequence[str]) -> Floats:
+        """The joints of bodies, one body after another, shape (3, n), as ``World.joint_readings`` has them."""
+        self.read_joints(names)
+        if self._joint_rows is None:
+            return np.concatenate((np.empty((3, 0)), *(np.array(self.joints(name)) for name in names)), axis=1)
+        if tuple(names) == self._world.names:
+            return self._joint_rows
+        return np.concatenate((np.empty((3, 0)), *map(self._joint_columns, names)), axis=1)
 
     def state(self, name: str) -> BodyState:
         """Pose and velocity of the root of a body."""
@@ -67,5 +79,19 @@ class Moment:
     def joints(self, name: str) -> JointReadings:
         """The joints of a body."""
         if (readings := self._joints.get(name)) is None:
-            readings = self._joints[name] = self._world.body(name).joint_readings()
+            if self._joint_rows is None:
+                readings = self._world.body(name).joint_readings()
+            else:
+                readings = JointReadings(*map(tuple, self._joint_columns(name).tolist()))
+            self._joints[name] = readings
         return readings
+
+    def _joint_columns(self, name: str) -> Floats:
+        """The joints of a body, where all are read together, shape (3, n)."""
+        assert self._joint_rows is not None
+        if not self._joint_places:
+            end = 0
+            for each in self._world.names:
+                start, end = end, end + len(self._world.body(each).joints)
+                self._joint_places[each] = slice(start, end)
+        return self._joint_rows[:, self._joint_places[name]]

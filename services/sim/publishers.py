@@ -68,7 +68,7 @@ class RobotPublishers:
     ) -> None:
         self._node, self._model, self._namespace = node, model, namespace
         self._actuation, self.odometer, self.name = actuation, actuation.odometer, entry.name
-        self._motors, self._joints = motors, world.body(entry.name).joints
+        self._motors, self.joints = motors, world.body(entry.name).joints
         self._frame_prefix = robot_frame_prefix(entry)
         self.odometry_child = odometry_child(model, entry.parameters, self._frame_prefix)
         """The frame whose place odometry tells, without the prefix."""
@@ -76,7 +76,7 @@ class RobotPublishers:
         self.joint_state_steps = max(1, steps_of(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
         self.truth_steps = steps_of(model.odometry_rate)
         self._publishers: list[RobotPublisher] = []
-        self.truth, self._joint_states = self._publisher(GROUND_TRUTH), self._publisher(JOINT_STATES)
+        self.truth, self.joint_states = self._publisher(GROUND_TRUTH), self._publisher(JOINT_STATES)
         self._publisher(ROBOT_DESCRIPTION).publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
         self.odometry_publisher = None if model.fixed_base else self._publisher(ODOM)
         extra = {topic: self._publisher(topic) for topic in actuation.extra_topics}
@@ -88,7 +88,7 @@ class RobotPublishers:
         self.sensors = robot_sensors(mount, model)
         self.truth_template = self._odometry_template("world", self._base_frame, ZERO_COVARIANCE, ZERO_COVARIANCE)
         self._odometry_template_of: tuple[Packed36, Packed36, Template[Any]] | None = None
-        self.joint_template = Template(self._joint_state, 3 * len(self._joints))
+        self.joint_template = Template(self._joint_state, 3 * len(self.joints))
         self._command_template = Template(self._command, 2)
         self.joints_read = self.odometry_read = False
         """Whether anybody reads these; ``update_readers`` says so, too."""
@@ -106,12 +106,17 @@ class RobotPublishers:
 
     def update_readers(self) -> None:
         """Look again at what is read by anybody."""
-        self.joints_read = bool(self._joints) and self._joint_states.has_subscribers
+        self.joints_read = bool(self.joints) and self.joint_states.has_subscribers
         self.odometry_read = self.odometry_publisher is not None and self.odometry_publisher.has_subscribers
 
     def frame_id(self, link: str) -> str:
         """The frame of a link, with the robot's frame prefix."""
         return f"{self._frame_prefix}{link}"
+
+    @property
+    def joints_as_measured(self) -> bool:
+        """Whether its joint states, if somebody reads them, are what is measured, when they are due by their rate."""
+        return not (self._motors.commanded or self._actuation.applies_efforts)
 
     def joint_readings(self, moment: Moment) -> tuple[float, ...] | None:
         """Angles, speeds and efforts of the joints if they are due: to a controller manager always."""
@@ -124,7 +129,7 @@ class RobotPublishers:
     def publish_joint_states(self, moment: Moment, payload: bytes) -> None:
         """Publish these readings."""
         if self._joint_states_due(moment):
-            self._joint_states.publish_encoded(payload)
+            self.joint_states.publish_encoded(payload)
         if self._motors.commanded:
             if self._feedback is None:
                 self._feedback = self._publisher(JOINT_FEEDBACK)
@@ -163,9 +168,9 @@ class RobotPublishers:
         return made
 
     def _joint_state(self, stamp: Time, numbers: Sequence[float]) -> Any:
-        count = len(self._joints)
+        count = len(self.joints)
         parts = (tuple(numbers[first : first + count]) for first in (0, count, 2 * count))
-        return joint_state(self._joints, JointReadings(*parts), Header(stamp=stamp))
+        return joint_state(self.joints, JointReadings(*parts), Header(stamp=stamp))
 
     def _command(self, stamp: Time, numbers: Sequence[float]) -> TwistStamped:
         linear, angular = numbers
@@ -187,9 +192,10 @@ class RobotPublishers:
         )
 
 
-class _TruthReaders(NamedTuple):
-    """Robots whose ground truth somebody reads, all of it due at once."""
+class _ReadTopics(NamedTuple):
+    """One topic of robots of which somebody reads it, all due every ``steps`` physics steps."""
 
+    steps: int
     names: tuple[str, ...]
     topics: RobotTopicGroup
 
@@ -199,7 +205,7 @@ class MotionPublisher:
 
     def __init__(self) -> None:
         self._odometry = GroupEncoder()
-        self._joints: dict[int, GroupEncoder] = {}
+        self._joint_encoders: dict[int, GroupEncoder] = {}
         """By the count of numbers."""
         self.update_readers(())
 
@@ -212,25 +218,50 @@ class MotionPublisher:
         self._placed: dict[int, list[str]] = {}
         """By the steps between two looks, the robots of which is told where the body is."""
         truths: dict[int, list[RobotPublishers]] = {}
+        measured: dict[tuple[int, int], list[RobotPublishers]] = {}
+        self._other_joints: list[RobotPublishers] = []
+        """Those whose joint states are more than what is measured."""
         for each in robots:
             if each.truth.has_subscribers:
                 truths.setdefault(each.truth_steps, []).append(each)
             if each.truth.has_subscribers or each.odometer.state is None:
                 self._placed.setdefault(each.truth_steps, []).append(each.name)
-        self._truths = {
-            steps: _TruthReaders(
+            if not each.joints_as_measured:
+                self._other_joints.append(each)
+            elif each.joints_read:
+                measured.setdefault((each.joint_state_steps, len(each.joints)), []).append(each)
+        self._truths = [
+            _ReadTopics(
+                steps,
                 tuple(each.name for each in read),
                 RobotTopicGroup([each.truth for each in read], [each.truth_template for each in read]),
             )
             for steps, read in truths.items()
-        }
+        ]
+        self._joint_states = [
+            _ReadTopics(
+                steps,
+                tuple(each.name for each in read),
+                RobotTopicGroup([each.joint_states for each in read], [each.joint_template for each in read]),
+            )
+            for (steps, _), read in measured.items()
+        ]
 
-    def publish_joint_states(self, moment: Moment, robots: Sequence[RobotPublishers]) -> None:
+    def publish_joint_states(self, moment: Moment) -> None:
         """Publish the joints that are due."""
+        for steps, names, topics in self._joint_states:
+            if moment.tick % steps == 0:
+                rows = moment.joint_rows(names).reshape(3, len(names), -1)
+                topics.publish(moment.stamp, rows.swapaxes(0, 1).reshape(len(names), -1))
+        if self._other_joints:
+            self._publish_other_joints(moment)
+
+    def _publish_other_joints(self, moment: Moment) -> None:
+        robots = self._other_joints
         found = [(each, readings) for each in robots if (readings := each.joint_readings(moment)) is not None]
         for count in {len(readings): None for _, readings in found}:
             alike = [(each, readings) for each, readings in found if len(readings) == count]
-            encoder = self._joints.setdefault(count, GroupEncoder())
+            encoder = self._joint_encoders.setdefault(count, GroupEncoder())
             rows = np.array([readings for _, readings in alike])
             payloads = encoder.encode([each.joint_template for each, _ in alike], moment.stamp, rows)
             for (each, _), payload in zip(alike, payloads, strict=True):
@@ -242,9 +273,9 @@ class MotionPublisher:
         moment.read_states([name for steps, names in self._placed.items() if tick % steps == 0 for name in names])
         for each in self._commands:
             each.publish_command(moment)
-        for steps, truth in self._truths.items():
+        for steps, names, topics in self._truths:
             if tick % steps == 0:
-                truth.topics.publish(moment.stamp, world_motions(moment.states(truth.names)))
+                topics.publish(moment.stamp, world_motions(moment.states(names)))
         sampled = [(each, sample) for each in self._robots if (sample := each.sample_odometry(moment)) is not None]
         if sampled:
             motions = odometry_motions([sample for _, sample in sampled])

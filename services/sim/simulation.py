@@ -24,12 +24,13 @@ from services.runtime.subscriber import Subscriber
 from services.runtime.subscription_tokens import SubscriptionTokens
 from services.sim.command_sources import CommandSources
 from services.sim.drive.controller import DiffDriveController
+from services.sim.drive.odometry import Odometer
 from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
 from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import Contact, World
-from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, RobotPublishers, WorldStatesPublisher
+from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, WorldStatesPublisher
 from services.sim.robot import Robot
 from services.sim.robot_loader import on_the_ground
 from services.sim.robot_names import check_robot_names
@@ -87,10 +88,8 @@ class Simulation:
         self.input_steps = CONTROL_STEPS
         self._commanded_robots = 0
         self._sensors = SensorSchedule(world)
-        self._joint_states: dict[int, list[RobotPublishers]] = {}
-        """The robots whose joint states somebody reads, by the physics steps between two of them."""
-        self._counting: list[Robot] = []
-        """Those whose odometry counts the turns of wheels."""
+        self._counting: dict[str, Odometer] = {}
+        """Those that count the turns of wheels, by their robots."""
         self._transforms = MovingTransforms()
         self._motion = MotionPublisher()
         self._controllers: list[tuple[DiffDriveController, Robot]] = []
@@ -172,7 +171,7 @@ class Simulation:
         self._update_readers()
         moment = Moment(self.world, self.now, self.tick)
         self._sensors.publish(moment)
-        self._publish_joint_states(moment)
+        self._motion.publish_joint_states(moment)
         if moment.tick % CONTROL_STEPS == 0:
             self._publish_motion(moment)
         if moment.tick % self.input_steps == 0:
@@ -188,23 +187,15 @@ class Simulation:
         self.subscriptions.mark(self._node.publishers)
         self._sensors.update_readers()
         self._motion.update_readers([robot.publishers for robot in self.robots])
-        self._joint_states = {}
-        for robot in self.robots:
-            if robot.motors.commanded or robot.publishers.joints_read:
-                steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
-                self._joint_states.setdefault(steps, []).append(robot.publishers)
-
-    def _publish_joint_states(self, moment: Moment) -> None:
-        for steps, robots in self._joint_states.items():
-            if moment.tick % steps == 0:
-                self._motion.publish_joint_states(moment, robots)
 
     def _publish_motion(self, moment: Moment) -> None:
         robots, tick = self.robots, moment.tick
         self._update_contacts()
-        moment.read_joints([robot.name for robot in self._counting])
-        for robot in self._counting:
-            robot.publishers.odometer.update_from_encoders(moment.now, moment.joints(robot.name).position)
+        angles = moment.joint_rows(tuple(self._counting))[0].tolist()
+        end = 0
+        for odometer in self._counting.values():
+            start, end = end, end + odometer.joint_count
+            odometer.update_from_encoders(moment.now, angles[start:end])
         self._motion.publish(moment)
         if tick % STATUS_STEPS == 0:
             for robot in robots:
@@ -213,7 +204,6 @@ class Simulation:
         if tick % TF_STEPS == 0:
             self._gazebo_states.publish(moment)
             if self._tf_publisher.has_subscribers:
-                moment.read_joints(self.world.names)
                 for payload in split_encoded(self._transforms.encode(moment)):
                     self._tf_publisher.publish_encoded(payload)
 
@@ -311,7 +301,8 @@ class Simulation:
         self._contacts = None
         self._sensors.replace(each for robot in self.robots for each in robot.publishers.sensors)
         self._readers_version = None
-        self._counting = [robot for robot in self.robots if robot.publishers.odometer.follows_encoders]
+        odometers = [(robot.name, robot.publishers.odometer) for robot in self.robots]
+        self._counting = {name: odometer for name, odometer in odometers if odometer.follows_encoders}
         controllers = [(robot.step_controller, robot) for robot in self.robots]
         self._controllers = [(controller, robot) for controller, robot in controllers if controller is not None]
         self._stepping = [robot for controller, robot in controllers if controller is None]

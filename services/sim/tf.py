@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ class _RobotFrames:
     """The frames of a robot that move: that of its base, and those of its joints with their places in the readings."""
 
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
-        self.robot, prefix = robot, robot.frame_prefix
+        self.robot, prefix, self.joint_count = robot, robot.frame_prefix, len(joints)
         places = {name: place for place, name in enumerate(joints)}
         self.joints = [each for each in read_joints(robot.entry.model) if each.name in places]
         self.places = [places[each.name] for each in self.joints]
@@ -87,6 +88,8 @@ class MovingTransforms:
         self._bases, self._links = GroupEncoder(), GroupEncoder()
         self._jointed: list[_RobotFrames] = []
         self._joints = JointTransforms(())
+        self._places: list[int] = []
+        """Of the angles of these joints, among those of all joints of their robots."""
 
     def add(self, robot: Robot, joints: Sequence[str]) -> None:
         """A robot has come, whose body has these joints."""
@@ -122,12 +125,11 @@ class MovingTransforms:
         if jointed != self._jointed:
             self._jointed = jointed
             self._joints = JointTransforms([joint for each in jointed for joint in each.joints])
-        positions = list[float]()
-        for each in jointed:
-            readings = moment.joints(each.robot.name).position
-            positions += [readings[place] for place in each.places]
+            ends = accumulate((each.joint_count for each in jointed), initial=0)
+            self._places = [end + place for end, each in zip(ends, jointed, strict=False) for place in each.places]
+        positions = moment.joint_rows([each.robot.name for each in jointed])[0][self._places]
         templates = [link.template for each in jointed for link in each.of_joints]
-        return iter(self._links.encode(templates, moment.stamp, self._joints.poses(positions)))
+        return iter(self._links.encode(templates, moment.stamp, self._joints.poses(positions.tolist())))
 
 
 class JointTransforms:

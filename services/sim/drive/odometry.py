@@ -206,6 +206,7 @@ class Odometer:
         seed: int = 0,
     ) -> None:
         self._body, self._name, self._controller = body, name, controller
+        self.joint_count = len(body.joints)
         self._draws = draw_errors(seed, name)
         self._assumed: tuple[Drive, WheelGeometry] | None = None
         """A drive, and what its wheels are taken for."""
@@ -236,8 +237,8 @@ class Odometer:
         """Whether it counts the turns of wheels."""
         return self.state is not None and self._controller is not None and self.config.source == "encoder"
 
-    def update_from_encoders(self, now: int, angles: tuple[float, ...]) -> None:
-        """Follow the wheels until ``now`` [ns], where the joints stand at ``angles`` [rad]."""
+    def update_from_encoders(self, now: int, angles: Sequence[float]) -> None:
+        """Follow the wheels until ``now`` [ns], where the ``joint_count`` joints stand at ``angles`` [rad]."""
         if 0 <= self._last_update < now:
             assert self.state is not None
             assert self._controller is not None
@@ -295,7 +296,7 @@ class Odometer:
         return _mean(angles, self._left), _mean(angles, self._right)
 
 
-def _mean(values: tuple[float, ...], chosen: tuple[int, ...]) -> float:
+def _mean(values: Sequence[float], chosen: tuple[int, ...]) -> float:
     total = 0.0
     for each in chosen:  # sum() rounds otherwise from Python 3.12 on
         total += values[each]

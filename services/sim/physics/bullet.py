@@ -27,7 +27,6 @@ from services.sim.physics.world import (
     CameraModel,
     Configuration,
     Contact,
-    JointReadings,
 )
 from services.sim.physics.world_bodies import ground_height
 
@@ -165,8 +164,9 @@ class BulletWorld:
     def states(self) -> NDArray[np.float64]:
         return np.array([body.state().numbers for body in self._bodies.values()]).reshape(-1, 13)
 
-    def joint_readings(self) -> list[JointReadings]:
-        return [body.joint_readings() for body in self._bodies.values()]
+    def joint_readings(self) -> NDArray[np.float64]:
+        readings = [np.array(body.joint_readings()) for body in self._bodies.values()]
+        return np.concatenate((np.empty((3, 0)), *readings), axis=1)
 
     def link_poses(self, links: Sequence[tuple[str, str]]) -> NDArray[np.float64]:
         poses = [self.body(body).link_pose(link) for body, link in links]

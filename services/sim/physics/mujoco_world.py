@@ -28,7 +28,6 @@ from services.sim.physics.world import (
     CameraModel,
     Configuration,
     Contact,
-    JointReadings,
 )
 
 SECOND = 1_000_000_000
@@ -242,15 +241,10 @@ class MujocoWorld:
         angular = rotate(orientation, rates[3:])  # in the axes of the root
         return np.concatenate((place[:3], orientation, rates[:3], angular)).T
 
-    def joint_readings(self) -> list[JointReadings]:
+    def joint_readings(self) -> Floats:
         self._current()
-        positions = self._data.qpos[self._joint_positions].tolist()
-        velocities = self._data.qvel[self._joint_rates].tolist()
-        efforts = self._motor_efforts[self._joint_rates].tolist()
-        return [
-            JointReadings(tuple(positions[at:end]), tuple(velocities[at:end]), tuple(efforts[at:end]))
-            for at, end in self._joint_spans
-        ]
+        rates = self._joint_rates
+        return np.array((self._data.qpos[self._joint_positions], self._data.qvel[rates], self._motor_efforts[rates]))
 
     def link_poses(self, links: Sequence[tuple[str, str]]) -> Floats:
         plan = self._plan(links)
@@ -493,7 +487,7 @@ class MujocoWorld:
             each.bind(data.qpos[position : position + count], data.qvel[rate : rate + rates])
             position, rate = position + count, rate + rates
         part = 1 + len(self.description.all_bodies)
-        roots, root_rates, joints, joint_rates, spans, joint = [], [], [], [], [], 0
+        roots, root_rates, joints, joint_rates = [], [], [], []
         for name, body in self._bodies.items():
             arrays, at = body.arrays, slice(rate, rate + len(body.arrays.velocities))
             arrays.positions = _moved(arrays.positions, data.qpos[position : position + len(arrays.positions)])
@@ -509,8 +503,6 @@ class MujocoWorld:
             root_rates.append(rate + np.arange(ROOT_VELOCITIES))
             joints.append(position + body.joint_positions)
             joint_rates.append(rate + body.joint_rates)
-            spans.append((joint, joint + len(body.joint_rates)))
-            joint += len(body.joint_rates)
             position, rate = position + len(arrays.positions), rate + len(arrays.velocities)
             part += len(body.tree.parts)
         self._held = [body for body in self._bodies.values() if body.fixed]
@@ -518,7 +510,6 @@ class MujocoWorld:
         self._root_positions, self._root_rates = np.array(roots, np.intp), np.array(root_rates, np.intp)
         none: list[NDArray[np.intp]] = [np.zeros(0, np.intp)]
         self._joint_positions, self._joint_rates = np.concatenate(joints or none), np.concatenate(joint_rates or none)
-        self._joint_spans = spans
         self._fresh = False
 
     def _set_contact_friction(self) -> None:

@@ -245,8 +245,9 @@ class World(Protocol):
     def states(self) -> NDArray[np.float64]:
         """How the root frames of all bodies move, in the order of ``names``; rows as those of ``link_states``."""
 
-    def joint_readings(self) -> list[JointReadings]:
-        """The joints of all bodies, in the order of ``names``."""
+    def joint_readings(self) -> NDArray[np.float64]:
+        """The joints of all bodies, in the order of ``names`` and of their ``joints``, shape (3, n): rad or m, rad/s or
+        m/s, N m or N."""
 
     def link_poses(self, links: Sequence[tuple[str, str]]) -> NDArray[np.float64]:
         """Where the frames of links are, each given by its body and its own name, shape (n, 7): position [m],

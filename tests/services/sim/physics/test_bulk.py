@@ -32,7 +32,8 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
         assert [BodyState.of_numbers(row) for row in world.states().tolist()] == [
             world.body(name).state() for name in names
         ]
-        assert world.joint_readings() == [world.body(name).joint_readings() for name in names]
+        readings = [world.body(name).joint_readings() for name in names]
+        assert world.joint_readings().tolist() == np.concatenate(readings, axis=1).tolist()
         links = [("tb3_2", "base_scan"), ("tb3_0", "imu_link"), ("tb3_1", "base_footprint")]
         poses = [world.body(body).link_pose(link) for body, link in links]
         assert [(tuple(row[:3]), tuple(row[3:])) for row in world.link_poses(links).tolist()] == poses
@@ -48,6 +49,10 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
         single.read_states(names[:1])
         for name in names:
             assert (every.state(name), every.joints(name)) == (single.state(name), single.joints(name))
+        for chosen in (names, names[1:], names[::-1], names[:1], ()):
+            expected = np.concatenate((np.empty((3, 0)), *(readings[names.index(name)] for name in chosen)), axis=1)
+            for moment in (every, Moment(world, 5, 1)):
+                assert moment.joint_rows(chosen).tolist() == expected.tolist()
         assert every.states(names[1:]).tolist() == [list(each.numbers) for each in map(single.state, names[1:])]
         assert single.states(names[:1]).tolist() == every.states(names[:1]).tolist()
         assert every.stamp == single.stamp == encode(Time.of(5))
