@@ -264,11 +264,13 @@ class Node:
         """Take the snapshot of all inputs; with ``marks``, wait up to WAIT_BUDGET_S for the samples that they name."""
         if marks is None:
             for each in self.subscribers:
-                each.update()
+                if each.pending:
+                    each.update()
             return
         patience = WaitBudget(self._publish_heartbeat_in_burst, self._present_members)
         for each in self.subscribers:
-            each.update(marks, patience)
+            if each.pending or each.key in marks.required:
+                each.update(marks, patience)
         marks.clear_required()
         if patience.missed:
             missed = ", ".join(patience.missed)

@@ -133,9 +133,8 @@ class Subscriber(Generic[M]):
         self.encoding = encoding(topic.record.ROS_TYPE)
         self._capacity = capacity or queue_size(topic.largest, topic.quality is Quality.EVENT, decode is not None)
         past = topic.quality is Quality.LATCHED if latched is None else latched
-        self._stirred = not rare
-        """Whether there may be samples; always, unless the network tells."""
-        self._rare = rare
+        self._rare, self.pending = rare, True
+        """Whether ``update`` may find or change anything; it always may, unless the network tells of samples."""
         if threaded:
             self.raw: RawSubscriber = transport.subscribe_threaded(key, self._capacity, past)
         else:
@@ -163,7 +162,7 @@ class Subscriber(Generic[M]):
         """Read new samples. With ``marks`` (lockstep), members' samples wait until their tick is over."""
         if self._gaps:
             self._gaps.clear()
-        fresh = self._drain() if self._stirred else []
+        fresh = self._drain() if self.pending else []
         if marks is None:
             if self._deferred:
                 fresh = [*(entry[:2] for held in self._deferred.values() for entry in held), *fresh]
@@ -233,13 +232,17 @@ class Subscriber(Generic[M]):
         """The waiting samples, at most as many as the ring holds: a flood may fill it faster than it is read."""
         taken: list[tuple[M, SampleInfo | None]] = []
         if self._rare:
-            self._stirred = False  # before the look: what comes during it is seen now or at the next one
+            # Before the look: what comes during it is seen now or at the next one. What an update has given, or still
+            # defers, is for the next one to clear.
+            self.pending = bool(self.messages or self._deferred)
         if (first := self.raw.recv()) is None:
             return taken
         open_ = self._decode_sample
         for sample in chain((first,), islice(iter(self.raw.recv, None), self._capacity - 1)):
             if (entry := open_(sample)) is not None:
                 taken.append(entry)
+        if taken:
+            self.pending = True
         return taken
 
     def _decode_sample(self, sample: Sample) -> tuple[M, SampleInfo | None] | None:
@@ -279,7 +282,7 @@ class Subscriber(Generic[M]):
 
     def _stir(self) -> None:
         """Called by a thread of the network at each sample of a rare topic."""
-        self._stirred = True
+        self.pending = True
 
     def _is_new(self, origin: SampleInfo) -> bool:
         """Whether to accept a valid sample that does not continue its publisher's numbers; counts it accordingly."""

@@ -16,6 +16,7 @@ from models.model import RobotModel
 from models.urdf import read_joint_limits
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
+from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.subscriber import Subscriber
 from services.sim.adaptation import adapt_body
 from services.sim.command_sources import CommandSources
@@ -49,6 +50,11 @@ class Actuation(Protocol):
     """What it publishes beside what every robot does."""
     applies_efforts: bool
     """Whether ``with_efforts`` says anything else than what is measured."""
+
+    @property
+    def parameters(self) -> ParameterSubscription[Any]:
+        """The values that ``reconfigure`` follows."""
+        ...
 
     @property
     def step_controller(self) -> DiffDriveController | None:
@@ -218,6 +224,10 @@ class BaseActuation:
         )
 
     @property
+    def parameters(self) -> ParameterSubscription[Any]:
+        return self._parameters.subscription
+
+    @property
     def step_controller(self) -> DiffDriveController | None:
         return self.controller if self._only_speeds else None
 
@@ -260,8 +270,7 @@ class BaseActuation:
         return self._parameters.drive_settings()
 
     def apply_commands(self, commands: Subscriber[Any], now: int, lockstep_members: set[bytes], factor: float) -> None:
-        if commands.messages:
-            self.controller.apply_commands(commands.messages, now, lockstep_members, factor)
+        self.controller.apply_commands(commands.messages, now, lockstep_members, factor)
 
     def publisher_lost(self, source: bytes, now: int) -> None:
         self.controller.publisher_lost(source, now)
@@ -350,6 +359,10 @@ class JointActuation:
         self.odometer = Odometer(config, body, entry.name, None)
         self.odometry_rate = model.odometry_rate
         self.noise = parameters.noise
+
+    @property
+    def parameters(self) -> ParameterSubscription[Any]:
+        return self._parameters.subscription
 
     @property
     def publishes_link_tf(self) -> bool:

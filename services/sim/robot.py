@@ -89,8 +89,9 @@ class Robot:
     def apply_commands(self, now: int, lockstep_members: set[bytes], factor: float) -> None:
         """Take the commands that were admitted at this tick."""
         for each in self._command_subscribers:
-            self.actuation.apply_commands(each, now, lockstep_members, factor)
-        if self._motor_subscriber is not None:
+            if each.messages:
+                self.actuation.apply_commands(each, now, lockstep_members, factor)
+        if self._motor_subscriber is not None and self._motor_subscriber.messages:
             self.motors.apply_commands(self._motor_subscriber, now, lockstep_members, factor)
 
     def publisher_lost(self, source: bytes, now: int) -> None:

@@ -62,7 +62,7 @@ class RobotParameterSet(Generic[P, D]):
         self._log, self._robot, self._derive = node.log, robot, make
         self.derived = make(own)
         stated = flatten(given)
-        self.parameter_set = ParameterSubscription(
+        self.subscription = ParameterSubscription(
             node,
             name,
             own,
@@ -70,10 +70,10 @@ class RobotParameterSet(Generic[P, D]):
             described=described,
             fits=make,
         )
-        self.parameter_set.start(wait)
-        if self.parameter_set.params is not own:
-            self.derived = make(self.parameter_set.params)
-        self._params = self.parameter_set.params
+        self.subscription.start(wait)
+        if self.subscription.params is not own:
+            self.derived = make(self.subscription.params)
+        self._params = self.subscription.params
         self._warn(self.derived.warnings)
 
     @property
@@ -83,14 +83,14 @@ class RobotParameterSet(Generic[P, D]):
 
     def close(self) -> None:
         """Follow the set no more."""
-        self.parameter_set.close()
+        self.subscription.close()
 
     def update(self) -> bool:
         """Take what was admitted; whether anything is another now."""
-        self.parameter_set.refresh()
-        if self.parameter_set.params is self._params:
+        self.subscription.refresh()
+        if self.subscription.params is self._params:
             return False
-        before, self._params = self.derived.warnings, self.parameter_set.params
+        before, self._params = self.derived.warnings, self.subscription.params
         self.derived = self._derive(self._params)
         self._warn(tuple(each for each in self.derived.warnings if each not in before))
         return True
@@ -124,6 +124,11 @@ class BaseParameterSet:
         """What the settings are made of."""
         return with_model_defaults(self._model, self._set.params)
 
+    @property
+    def subscription(self) -> ParameterSubscription[Any]:
+        """Where changes come from."""
+        return self._set.subscription
+
     def close(self) -> None:
         """Follow the set no more."""
         self._set.close()
@@ -143,7 +148,7 @@ class BaseParameterSet:
         if both is not None and any(side in changes for side in sides):
             # It wins over those of the sides, of which one is to change now.
             changes = {"wheel_radius_multiplier": None, **dict.fromkeys(sides, both), **changes}
-        self._set.parameter_set.change(changes)
+        self._set.subscription.change(changes)
 
     def drive_settings(self) -> DriveSettings:
         """All that ``change`` can change."""
@@ -195,6 +200,11 @@ class JointParameterSet:
     def noise(self) -> bool:
         """Whether sensors have any."""
         return self._set.params.noise
+
+    @property
+    def subscription(self) -> ParameterSubscription[Any]:
+        """Where changes come from."""
+        return self._set.subscription
 
     def close(self) -> None:
         """Follow the set no more."""

@@ -18,6 +18,7 @@ from models.robot_facts import read_notes
 from services.runtime.errors import unknown_name
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.node import Node
+from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.publisher import Publisher
 from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
@@ -90,6 +91,7 @@ class Simulation:
         self._sensors = SensorSchedule(world)
         self._counting: dict[str, Odometer] = {}
         """Those that count the turns of wheels, by their robots."""
+        self._parameters: list[tuple[ParameterSubscription[Any], Robot]] = []
         self._transforms = MovingTransforms()
         self._motion = MotionPublisher()
         self._controllers: list[tuple[DiffDriveController, Robot]] = []
@@ -237,8 +239,10 @@ class Simulation:
             # Lockstep goes on without them from this tick; the tokens of their publications may go a moment later.
             lost += self._command_sources.publishers_of(watermarks.lost_members)
             watermarks.lost_members = set()
+        for parameters, robot in self._parameters:
+            if parameters.pending:
+                robot.actuation.reconfigure(self.now)
         for robot in self.robots:
-            robot.actuation.reconfigure(self.now)
             robot.apply_commands(self.now, lockstep_members, factor)
         if (commanded := sum(robot.motors.commanded for robot in self.robots)) != self._commanded_robots:
             self._commanded_robots = commanded
@@ -281,7 +285,7 @@ class Simulation:
         stop_for_all = self.stops.process(ALL_ROBOTS, self._e_stop_subscriber.name, self._e_stop_subscriber.messages)
         for robot in self.robots:
             own = robot.e_stop_subscriber
-            new_stop = own is not None and self.stops.process(robot.name, own.name, own.messages)
+            new_stop = own is not None and own.messages and self.stops.process(robot.name, own.name, own.messages)
             if new_stop or stop_for_all:
                 robot.stop(self.stops.holders(robot.name), new_stop=True)
         self._save_stops()
@@ -303,6 +307,7 @@ class Simulation:
         self._readers_version = None
         odometers = [(robot.name, robot.publishers.odometer) for robot in self.robots]
         self._counting = {name: odometer for name, odometer in odometers if odometer.follows_encoders}
+        self._parameters = [(robot.actuation.parameters, robot) for robot in self.robots]
         controllers = [(robot.step_controller, robot) for robot in self.robots]
         self._controllers = [(controller, robot) for controller, robot in controllers if controller is not None]
         self._stepping = [robot for controller, robot in controllers if controller is None]

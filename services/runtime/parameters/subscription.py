@@ -106,9 +106,14 @@ class ParameterSubscription(Generic[P]):
         """Read new updates, in loops that do not update all subscribers of the node."""
         self._subscriber.update()
 
+    @property
+    def pending(self) -> bool:
+        """Whether values have come that ``refresh`` will apply or refuse."""
+        return bool(self._subscriber.messages or self._queued)
+
     def refresh(self) -> int:
         """Apply the received values; returns the levels of the parameters that changed, 0 for none."""
-        if not self._subscriber.messages and not self._queued:
+        if not self.pending:
             return 0
         self.client.spin_once()
         levels = 0

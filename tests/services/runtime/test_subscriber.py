@@ -25,10 +25,10 @@ TWIST = encoding(Twist.ROS_TYPE)
 class Sender:
     """Puts raw samples, numbered or not; one with a number that it has sent already is the same one again."""
 
-    def __init__(self, bus: MemoryBus, node: str = "/a", kind: str = TWIST) -> None:
+    def __init__(self, bus: MemoryBus, node: str = "/a", kind: str = TWIST, key: str = KEY) -> None:
         transport = MemoryTransport(bus)
-        self.id = publisher_id(node, transport.session, KEY)
-        self._outlet = transport.advertise(KEY, kind, Quality.COMMAND)
+        self.id = publisher_id(node, transport.session, key)
+        self._outlet = transport.advertise(key, kind, Quality.COMMAND)
         self._attachments: dict[int | None, bytes] = {None: b""}
 
     def put(self, payload: bytes, number: int | None) -> None:
@@ -287,6 +287,44 @@ def test_all_inputs_of_a_tick_share_one_patience_and_the_heart_beats_meanwhile(
         late.put(encode(Twist.planar(1, 0)), attachment=pack_attachment(1, publisher_id("/other", "0", sources[0].key)))
         made.update_subscribers(marks)
         assert _speeds(sources[0]) == [1.0]
+
+
+def test_a_rare_topic_gives_the_same_at_each_tick(bus: MemoryBus) -> None:
+    with memory_node(bus, "usual") as usual, memory_node(bus, "rare") as rare:
+        sources = [made.subscribe(CMD_VEL, "/tb3_0/cmd_vel", rare=made is rare) for made in (usual, rare)]
+        key = sources[0].key
+        member, stranger = Sender(bus, "/member", key=key), Sender(bus, "/stranger", key=key)
+        marks = {made: Watermarks() for made in (usual, rare)}
+        for each in marks.values():
+            each.members = {member.id[:10]}
+
+        def speeds(reached: int | None) -> list[float]:
+            for made, its in marks.items():
+                if reached is not None:
+                    its.advance({key: {member.id: reached}})
+                made.update_subscribers(its)
+            one, other = map(_speeds, sources)
+            assert one == other
+            return one
+
+        assert speeds(None) == speeds(None) == []
+        member.twist(1, 1)
+        member.twist(2, 2)
+        stranger.twist(9, 1)
+        assert sorted(speeds(1)) == [1.0, 9.0]
+        assert speeds(None) == [], "the second is deferred"
+        assert speeds(2) == [2.0]
+        assert speeds(None) == speeds(None) == []
+        assert not sources[1].pending, "nothing is looked at until something comes"
+        threading.Timer(0.05, member.twist, (3.0, 3)).start()
+        assert speeds(3) == [3.0], "what is required is waited for"
+        for made in marks:
+            made.update_subscribers()
+        assert [_speeds(each) for each in sources] == [[], []]
+        stranger.twist(8, 2)
+        for made in marks:
+            made.update_subscribers()
+        assert [_speeds(each) for each in sources] == [[8.0], [8.0]]
 
 
 def test_an_untyped_subscription_counts_as_others_do_and_shows_each_senders_type(bus: MemoryBus) -> None:
