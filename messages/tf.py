@@ -1,9 +1,7 @@
 """tf2_msgs: transforms between frames."""
 
-from collections.abc import Iterable, Iterator
-from typing import ClassVar, NamedTuple, TypeVar
-
-from msgspec import Raw
+from collections.abc import Iterable, Iterator, Sequence
+from typing import ClassVar, TypeVar
 
 from messages.base import Message, encode
 from messages.geometry import TransformStamped
@@ -25,13 +23,6 @@ _BYTES = 192
 T = TypeVar("T")
 
 
-class EncodedTransform(NamedTuple):
-    """The bytes of a ``TransformStamped``, and what ``transform_size`` counts for it."""
-
-    payload: bytes
-    size: int
-
-
 def transform_size(frame: str, child: str) -> int:
     """Bytes that are counted for a transform between two frames."""
     return _BYTES + len(frame.encode()) + len(child.encode())
@@ -43,9 +34,21 @@ def split(transforms: Iterable[TransformStamped]) -> Iterator[TFMessage]:
     return (TFMessage(transforms=tuple(part)) for part in _parts(sized))
 
 
-def split_encoded(transforms: Iterable[EncodedTransform]) -> Iterator[bytes]:
-    """The same for transforms that are encoded: the payloads of the messages of ``split``."""
-    return (encode({"transforms": list(map(Raw, part))}) for part in _parts(transforms))
+class EncodedSplit:
+    """The same for transforms that are encoded, of the ``sizes`` that ``transform_size`` counts for them."""
+
+    def __init__(self, sizes: Iterable[int]) -> None:
+        parts = list(_parts(enumerate(sizes)))
+        self._parts = [(_head(len(part)), slice(part[0], part[-1] + 1)) for part in parts]
+
+    def join(self, transforms: Sequence[bytes]) -> list[bytes]:
+        """The payloads of the messages of ``split``."""
+        return [b"".join((head, *transforms[part])) for head, part in self._parts]
+
+
+def _head(count: int) -> bytes:
+    """What a message of ``count`` transforms begins with."""
+    return encode({"transforms": (None,) * count})[:-count]  # None is one byte
 
 
 def _parts(sized: Iterable[tuple[T, int]]) -> Iterator[list[T]]:

@@ -10,7 +10,6 @@ from messages.elea import EmergencyStops as EmergencyStopList
 from messages.rosgraph import Clock
 from messages.se3 import Pose3
 from messages.std import Time
-from messages.tf import split_encoded
 from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
 from models import display_name
 from models.model import read_model
@@ -206,7 +205,7 @@ class Simulation:
         if tick % TF_STEPS == 0:
             self._gazebo_states.publish(moment)
             if self._tf_publisher.has_subscribers:
-                for payload in split_encoded(self._transforms.encode(moment)):
+                for payload in self._transforms.encode(moment):
                     self._tf_publisher.publish_encoded(payload)
 
     def publish_static_tf(self) -> None:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import accumulate
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,13 +15,13 @@ from messages.geometry import TransformStamped
 from messages.se3 import IDENTITY, Pose3, quaternion_multiply, rotate
 from messages.std import Header, Time
 from messages.template import Template
-from messages.tf import EncodedTransform, TFMessage, transform_size
+from messages.tf import EncodedSplit, TFMessage, transform_size
 from models.urdf import Joint, read_joints
 from services.sim.drive.odometry import OdometrySample
 from services.sim.moment import Moment
 from services.sim.robot import Robot
 from services.sim.robot_names import WORLD_FRAME, robot_links
-from services.sim.template_groups import GroupEncoder
+from services.sim.template_groups import GroupEncoder, TemplateGroup
 
 
 def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMessage:
@@ -58,12 +57,13 @@ class _TransformTemplate:
 
 
 class _RobotFrames:
-    """The frames of a robot that move: that of its base, and those of its joints with their places in the readings."""
+    """The frames of a robot that move: that of its base, and those of its joints with their places in the readings, if
+    the simulation publishes these."""
 
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
         self.robot, prefix, self.joint_count = robot, robot.frame_prefix, len(joints)
         places = {name: place for place, name in enumerate(joints)}
-        self.joints = [each for each in read_joints(robot.entry.model) if each.name in places]
+        self.joints = [each for each in _published_joints(robot) if each.name in places]
         self.places = [places[each.name] for each in self.joints]
         self.of_joints = [_TransformTemplate(prefix + each.parent, prefix + each.child) for each in self.joints]
         base = _extra_frame(robot) or robot.model.base_frame
@@ -74,62 +74,70 @@ class _RobotFrames:
         """What was published last, and its stamp; None where the base is no transform."""
         return self.robot.publishers.odometry if self.robot.actuation.publishes_odom_tf else None
 
-    @property
-    def tells_joints(self) -> bool:
-        """Whether its joints are transforms."""
-        return bool(self.joints) and self.robot.actuation.publishes_link_tf
-
 
 class MovingTransforms:
     """Where the bases of all robots are in their odometry, and how their joints stand."""
 
     def __init__(self) -> None:
         self._frames: dict[str, _RobotFrames] = {}
-        self._bases, self._links = GroupEncoder(), GroupEncoder()
-        self._jointed: list[_RobotFrames] = []
-        self._joints = JointTransforms(())
-        self._places: list[int] = []
-        """Of the angles of these joints, among those of all joints of their robots."""
+        self._based: list[_RobotFrames] | None = None
+        """Those whose bases are transforms, in the order of all; None to arrange everything anew."""
+        self._base_encoder = GroupEncoder()
 
     def add(self, robot: Robot, joints: Sequence[str]) -> None:
         """A robot has come, whose body has these joints."""
         self._frames[robot.name] = _RobotFrames(robot, joints)
+        self._based = None
 
     def remove(self, name: str) -> None:
         """A robot has gone."""
         del self._frames[name]
+        self._based = None
 
-    def encode(self, moment: Moment) -> Iterator[EncodedTransform]:
-        """The transforms as they are now; that of a base is as old as the odometry that was published last."""
-        bases, links = self._encode_bases(), self._encode_joints(moment)
-        for each in self._frames.values():
-            if (base := bases.get(each)) is not None:
-                yield EncodedTransform(base, each.of_base.size)
-            for link in each.of_joints if each.tells_joints else ():
-                yield EncodedTransform(next(links), link.size)
+    def encode(self, moment: Moment) -> list[bytes]:
+        """The messages of the transforms as they are now; that of a base is as old as the odometry that was published
+        last."""
+        told = {each: odometry for each in self._frames.values() if (odometry := each.odometry) is not None}
+        if (based := list(told)) != self._based:
+            self._arrange(based)
+        transforms = self._encode_bases(told) + self._encode_joints(moment)
+        return self._messages.join([transforms[place] for place in self._order])
 
-    def _encode_bases(self) -> dict[_RobotFrames, bytes]:
-        found: dict[bytes, list[tuple[_RobotFrames, OdometrySample]]] = {}
-        for each in self._frames.values():
-            if (odometry := each.odometry) is not None:
-                found.setdefault(odometry[0], []).append((each, odometry[1]))
+    def _arrange(self, based: list[_RobotFrames]) -> None:
+        """From now on there are the transforms of these bases and of all joints, those of a robot one after another."""
+        frames, self._based = list(self._frames.values()), based
+        self._jointed = tuple(each.robot.name for each in frames if each.joints)
+        self._joints = JointTransforms([joint for each in frames for joint in each.joints])
+        self._joint_encoder = TemplateGroup([link.template for each in frames for link in each.of_joints])
+        self._joint_places = list[int]()
+        """Of the angles of these joints, among those of all joints of their robots."""
+        self._order = list[int]()
+        sizes, base, joint, angles = list[int](), 0, len(based), 0
+        for each in frames:
+            if each in based:
+                self._order.append(base)
+                sizes.append(each.of_base.size)
+                base += 1
+            self._order += range(joint, joint + len(each.joints))
+            sizes += [link.size for link in each.of_joints]
+            self._joint_places += [angles + place for place in each.places]
+            joint, angles = joint + len(each.joints), angles + (each.joint_count if each.joints else 0)
+        self._messages = EncodedSplit(sizes)
+
+    def _encode_bases(self, told: dict[_RobotFrames, tuple[bytes, OdometrySample]]) -> list[bytes]:
+        found: dict[bytes, list[_RobotFrames]] = {}
+        for each, (stamp, _) in told.items():
+            found.setdefault(stamp, []).append(each)
         encoded: dict[_RobotFrames, bytes] = {}
         for stamp, alike in found.items():
-            poses = np.array([sample.pose for _, sample in alike])
-            payloads = self._bases.encode([each.of_base.template for each, _ in alike], stamp, poses)
-            encoded.update(zip((each for each, _ in alike), payloads, strict=True))
-        return encoded
+            poses = np.array([told[each][1].pose for each in alike])
+            payloads = self._base_encoder.encode([each.of_base.template for each in alike], stamp, poses)
+            encoded.update(zip(alike, payloads, strict=True))
+        return [encoded[each] for each in told]
 
-    def _encode_joints(self, moment: Moment) -> Iterator[bytes]:
-        jointed = [each for each in self._frames.values() if each.tells_joints]
-        if jointed != self._jointed:
-            self._jointed = jointed
-            self._joints = JointTransforms([joint for each in jointed for joint in each.joints])
-            ends = accumulate((each.joint_count for each in jointed), initial=0)
-            self._places = [end + place for end, each in zip(ends, jointed, strict=False) for place in each.places]
-        positions = moment.joint_rows([each.robot.name for each in jointed])[0][self._places]
-        templates = [link.template for each in jointed for link in each.of_joints]
-        return iter(self._links.encode(templates, moment.stamp, self._joints.poses(positions.tolist())))
+    def _encode_joints(self, moment: Moment) -> list[bytes]:
+        positions = moment.joint_rows(self._jointed)[0][self._joint_places]
+        return self._joint_encoder.encode(moment.stamp, self._joints.poses(positions.tolist()))
 
 
 class JointTransforms:
