@@ -44,7 +44,7 @@ from services.sim.entities import pose_and_twist
 from services.sim.joints.motors import JointMotors
 from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
-from services.sim.physics.world import BodyState, JointReadings, World
+from services.sim.physics.world import BodyHandle, BodyState, JointReadings, World
 from services.sim.robot_names import odometry_child, robot_frame_prefix
 from services.sim.robot_topics import RobotPublisher, RobotTopicGroup, steps_of, topic_names
 from services.sim.sensor_publishers import SensorMount, robot_sensors
@@ -315,6 +315,10 @@ class GazeboStatesPublisher:
         self._models: Publisher[Any] = node.advertise(MODEL_STATES)
         self._links: Publisher[Any] = node.advertise(LINK_STATES)
         self._model_encoder, self._link_encoder = _StatesEncoder(ModelStates), _StatesEncoder(LinkStates)
+        self._bodies: list[BodyHandle] = []
+        self._body_links: tuple[tuple[str, str], ...] = ()
+        self._link_names: tuple[str, ...] = ()
+        """Of the links of these bodies."""
 
     def publish(self, moment: Moment) -> None:
         """Publish them as they are now."""
@@ -327,10 +331,19 @@ class GazeboStatesPublisher:
             payload = self._model_encoder.encode((*world.names, *world.world_bodies), rows)
             self._models.publish_encoded(payload)
         if self._links.has_subscribers:
-            links = [(name, link) for name in world.names for link in world.body(name).links]
-            rows = world.link_states(links)
-            payload = self._link_encoder.encode(tuple(map("::".join, links)), rows)
-            self._links.publish_encoded(payload)
+            self._update_links()
+            rows = world.link_states(self._body_links)
+            self._links.publish_encoded(self._link_encoder.encode(self._link_names, rows))
+
+    def _update_links(self) -> None:
+        """Find all links again, if other bodies are in the world."""
+        names = self._world.names
+        if (bodies := [self._world.body(name) for name in names]) != self._bodies:
+            self._bodies = bodies
+            self._body_links = tuple(
+                (name, link) for name, body in zip(names, bodies, strict=True) for link in body.links
+            )
+            self._link_names = tuple(map("::".join, self._body_links))
 
 
 class _StatesEncoder:
