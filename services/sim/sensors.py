@@ -16,8 +16,6 @@ from messages.geometry import Point32, Quaternion, Vector3
 from messages.se3 import (
     Pose3,
     Vector,
-    quaternion_conjugate,
-    quaternion_multiply,
     rotate,
     rotate_inverse,
     rotated_axes,
@@ -107,7 +105,8 @@ def imu_readings(unit: ImuConfig, poses: Floats, before: Floats, now: Floats, dt
     body = new[3:7]
     axes, spin = pose[3:], new[10:]
     offset = rotate_inverse(body, pose[:3] - new[:3])
-    aligned = np.abs(quaternion_multiply(quaternion_conjugate(body), axes)[3]) >= ALIGNED
+    x, y, z, w = body * axes
+    aligned = np.abs(w + x + y + z) >= ALIGNED
     turn: Any = np.where(aligned, body, axes)
     change: Any = (np.array(_point_velocity(new, offset)) - np.array(_point_velocity(old, offset))) / dt
     change[2] += GRAVITY
