@@ -71,6 +71,19 @@ class EngineFit:
     wheels: BuiltWheels | None = None
 
 
+def find_suspensions(robot: RobotDescription, driven: DrivenWheels) -> tuple[str, ...]:
+    """The slides between the root and driven wheels, in the order of the file."""
+    above = {each.child: each for each in robot.joints}
+    slides: set[str] = set()
+    for wheel in (each for each in robot.joints if each.name in driven.joints):
+        link = wheel.parent
+        while (joint := above.get(link)) is not None:
+            link = joint.parent
+            if joint.kind == "prismatic" and joint.limits.clamp(0.0) == 0:
+                slides.add(joint.name)
+    return tuple(each.name for each in robot.joints if each.name in slides)
+
+
 def fit_urdf(
     text: str,
     robot: RobotDescription,

@@ -31,14 +31,15 @@ _STEP_RATE = 200.0
 class DriveTag:
     """A drive: of wheels (``differential``) or of the body itself (``holonomic``).
 
-    Joints are in the order of the wheel pairs. Lengths in m, ``torque`` in N m, ``acceleration`` [m/s2] and the maxima
-    [m/s, rad/s] None where no tag says them.
+    Joints are in the order of the wheel pairs; ``reversed_joints`` turn backwards to drive ahead. Lengths in m,
+    ``torque`` in N m, ``acceleration`` [m/s2] and the maxima [m/s, rad/s] None where no tag says them.
     """
 
     kind: Literal["differential", "holonomic"]
     where: str
     left_joints: tuple[str, ...] = ()
     right_joints: tuple[str, ...] = ()
+    reversed_joints: tuple[str, ...] = ()
     separation: float | None = None
     radius: float | None = None
     torque: float | None = None

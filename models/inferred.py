@@ -192,7 +192,7 @@ class _Inference:
         if not separation > 0:
             raise NoWheels(f"{drive.where}: the wheels do not stand left and right of the robot's x axis")
         for each in both:
-            if each.direction[1] < 0.5:
+            if each.direction[1] < 0.5 and each.joint not in drive.reversed_joints:
                 self._notes.append(
                     f"{drive.where}: joint {each.joint!r} turns about {_show(each.direction)} and not about the "
                     "robot's y axis: forwards is not where x points"
@@ -223,6 +223,7 @@ class _Inference:
             right_joint=right[0].joint,
             other_left=tuple(each.joint for each in left[1:]),
             other_right=tuple(each.joint for each in right[1:]),
+            reversed=drive.reversed_joints,
             separation=separation,
             radius=radius,
             max_linear=fastest,
@@ -264,7 +265,7 @@ class _Inference:
             each
             for each in wheels
             if each.radius > 0
-            and each.direction[1] > 0.9
+            and abs(each.direction[1]) > 0.9
             and each.place[2] - each.radius < self._floor + 2 * TOUCHES
             and abs(each.place[1]) > each.radius / 10
         ]
@@ -273,23 +274,30 @@ class _Inference:
         if not left or len(left) != len(right) or len(left) > 4:
             return None
         for one, other in zip(left, right, strict=True):
-            mirrored = abs(one.place[0] - other.place[0]) + abs(one.place[1] + other.place[1])
-            if mirrored > 0.02 or abs(one.radius - other.radius) > 0.1 * one.radius:
+            uneven = abs(one.place[0] - other.place[0]) + abs(one.place[1] + other.place[1])
+            if uneven > 0.02 or abs(one.radius - other.radius) > 0.1 * one.radius:
                 return None
         names = ", ".join(each.joint for each in (*left, *right))
         self._notes.append(f"no tag names a drive: driven by its wheels {names}, as they stand")
+        mirrored = tuple(each.joint for each in (*left, *right) if each.direction[1] < 0)
+        if mirrored:
+            self._notes.append(f"these turn backwards to drive ahead, as their axes say: {', '.join(mirrored)}")
         return DriveTag(
-            "differential", self._name, tuple(each.joint for each in left), tuple(each.joint for each in right)
+            "differential",
+            self._name,
+            tuple(each.joint for each in left),
+            tuple(each.joint for each in right),
+            reversed_joints=mirrored,
         )
 
     def _mounts(self) -> set[str]:
-        """The root and the links that hang on it without a joint that turns for ever: a rocker may, no swivel."""
+        """The root and the links that hang on it without a joint that turns for ever: a rocker or slide, no swivel."""
         links = {self._robot.root}
         for _ in self._robot.joints:
             more = {
                 each.child
                 for each in self._robot.joints
-                if each.parent in links and each.kind in ("fixed", "revolute") and not turns_for_ever(each)
+                if each.parent in links and each.kind in ("fixed", "revolute", "prismatic") and not turns_for_ever(each)
             }
             if more <= links:
                 break

@@ -36,6 +36,7 @@ class WheelConfig(ModelTable, frozen=True, kw_only=True):
     Lengths in m; ``separation`` and ``radius`` are the URDF's unless stated. ``max_linear`` [m/s] and ``max_angular``
     [rad/s] are the hardware's; ``acceleration`` and ``brake`` [m/s2] are those of a wheel's rim, or of the base where
     ``drive`` says ``ramp = "base"``, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
+    ``reversed`` are joints whose positive speed drives backwards, as of motors that are mounted in mirror image.
     """
 
     left_joint: str
@@ -49,6 +50,7 @@ class WheelConfig(ModelTable, frozen=True, kw_only=True):
     torque: Positive
     other_left: tuple[str, ...] = ()
     other_right: tuple[str, ...] = ()
+    reversed: tuple[str, ...] = ()
 
     @property
     def left_joints(self) -> tuple[str, ...]:

@@ -269,12 +269,13 @@ class BaseActuation:
         speeds = self.controller.step(now)
         if speeds is None and self._only_speeds:
             return
+        config = self.controller.config
         if self._model.wheels is None:
             set_planar_velocity(self._body, *self.controller.planar_velocity)
-        elif self.controller.config.gains is not None:
-            self._body.set_torques(self._of_wheels(self.controller.torques(self._wheel_speeds())))
+        elif config.gains is not None:
+            self._body.set_torques(config.of_wheels(self.controller.torques(self._wheel_speeds())))
         elif speeds is not None:
-            self._body.set_speeds(self._of_wheels(speeds))
+            self._body.set_speeds(config.of_wheels(speeds))
         if self._side_grip is not None:
             self._side_grip.step()
         if self._open_loop:
@@ -283,7 +284,7 @@ class BaseActuation:
     def reset(self) -> None:
         self.controller.reset()
         if self._model.wheels is not None:
-            self._body.set_speeds(self._of_wheels((0.0, 0.0)))
+            self._body.set_speeds(self.controller.config.of_wheels((0.0, 0.0)))
 
     def reconfigure(self, now: int) -> None:
         if not self._parameters.update():
@@ -306,17 +307,8 @@ class BaseActuation:
 
     def _wheel_speeds(self) -> tuple[float, float]:
         """How fast the wheels of the left and of the right turn on average, rad/s."""
-        config = self.controller.config
         speeds = dict(zip(self._body.joints, self._body.joint_readings().velocity, strict=True))
-        left, right = (
-            sum(speeds[each] for each in side) / len(side) for side in (config.left_joints, config.right_joints)
-        )
-        return left, right
-
-    def _of_wheels(self, sides: tuple[float, float]) -> tuple[float, ...]:
-        """A figure of each wheel, from those of the two sides."""
-        config = self.controller.config
-        return (sides[0],) * len(config.left_joints) + (sides[1],) * len(config.right_joints)
+        return self.controller.config.of_sides(speeds)
 
 
 class JointActuation:

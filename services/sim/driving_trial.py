@@ -7,7 +7,7 @@ simulation drives it: one step of the drive before each physics step.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -47,14 +47,14 @@ def turned(states: Sequence[BodyState]) -> float:
 
 @dataclass
 class DrivenRobot:
-    """A base under constant commands. ``wheels`` are the numbers of its motors on the left and on the right;
-    ``side_grip`` is there for one that skids."""
+    """A base under constant commands. ``of_wheels`` gives the speeds of its motors from those of the left and of the
+    right; ``side_grip`` is there for one that skids."""
 
     world: World
     name: str
     drive: Drive
     state: DriveState = field(default=AT_REST)
-    wheels: tuple[int, int] = (1, 1)
+    of_wheels: Callable[[tuple[float, float]], Sequence[float]] = tuple
     side_grip: SideGrip | None = None
 
     def set(self, v: float, w: float, *, vy: float = 0.0, braking: bool = False) -> None:
@@ -65,9 +65,7 @@ class DrivenRobot:
             set_planar_velocity(self.world.body(self.name), after.v, after.vy, after.w)
         elif after is not self.state:
             self.state = after
-            left, right = wheel_speeds(self.drive, after)
-            speeds = (left,) * self.wheels[0] + (right,) * self.wheels[1]
-            self.world.body(self.name).set_speeds(speeds)
+            self.world.body(self.name).set_speeds(self.of_wheels(wheel_speeds(self.drive, after)))
         if self.side_grip is not None:
             self.side_grip.step()
 
@@ -116,12 +114,8 @@ class Manoeuvre:
         return self.did / self.told - 1 if self.told else 0.0
 
 
-@dataclass(frozen=True)
-class Encoders:
-    """The wheels that are counted, by their joints."""
-
-    left: tuple[str, ...]
-    right: tuple[str, ...]
+Encoders = Callable[[Mapping[str, float]], tuple[float, float]]
+"""The mean angles of the wheels of the left and of the right, from those of the joints by their names."""
 
 
 def drive_straight(robot: DrivenRobot, distance: float, speed: float, encoders: Encoders | None = None) -> Manoeuvre:
@@ -221,10 +215,7 @@ class _Counter:
         assert self._encoders is not None
         body = self._robot.world.body(self._robot.name)
         angles = dict(zip(body.joints, body.joint_readings().position, strict=True))
-        left, right = (
-            sum(angles[each] for each in side) / len(side) for side in (self._encoders.left, self._encoders.right)
-        )
-        return left, right
+        return self._encoders(angles)
 
 
 @dataclass(frozen=True)

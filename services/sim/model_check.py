@@ -27,7 +27,6 @@ from services.sim.adaptation import AdaptedBody, adapt_body
 from services.sim.drive.config import DriveConfig, robot_config
 from services.sim.driving_trial import (
     DrivenRobot,
-    Encoders,
     JointTrial,
     Manoeuvre,
     drive_sideways,
@@ -376,21 +375,21 @@ def _with_trials(check: ModelCheck, robot: _Robot) -> ModelCheck:
 
 
 def _body(robot: _Robot, motors: tuple[Motor, ...], fixed: bool = False) -> AdaptedBody:
-    urdf = physics_urdf_path(robot.source.model)
-    return adapt_body(Body("robot", urdf, Pose3(), motors, robot.model.fixed_base or fixed), robot.source.model)
+    urdf, pose = physics_urdf_path(robot.source.model), Pose3((0.0, 0.0, robot.facts.height))
+    return adapt_body(Body("robot", urdf, pose, motors, robot.model.fixed_base or fixed), robot.source.model)
 
 
 def driven_robot(world: World, body: AdaptedBody, settings: DriveConfig) -> DrivenRobot:
     """A robot that is spawned to be driven."""
     handle = world.spawn(body.body)
-    wheels = len(settings.left_joints), len(settings.right_joints)
-    return DrivenRobot(world, body.body.name, settings.drive, wheels=wheels, side_grip=body.side_grip(handle))
+    grip = body.side_grip(handle)
+    return DrivenRobot(world, body.body.name, settings.drive, of_wheels=settings.of_wheels, side_grip=grip)
 
 
 def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[TrialFacts]:
     joints = (*settings.left_joints, *settings.right_joints)
     motors = tuple(Motor(each, settings.torque) for each in joints)
-    encoders = Encoders(settings.left_joints, settings.right_joints) if joints else None
+    encoders = settings.of_sides if joints else None
     base = robot.model.wheels or robot.model.planar
     assert base is not None
     speed, rate = min(base.max_linear, 0.5), min(base.max_angular, 1.0)

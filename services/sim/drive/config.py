@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any, Literal
@@ -53,7 +54,7 @@ NO_TIMEOUT = (
 class DriveConfig:
     """Everything that a base driver is set to. ``geometry`` is without multipliers; ``drive`` has those of ``live``.
 
-    The wheels of one side turn alike; a holonomic base drives none.
+    The wheels of one side turn alike, ``reversed`` ones the other way round; a holonomic base drives none.
     """
 
     left_joints: tuple[str, ...]
@@ -68,6 +69,19 @@ class DriveConfig:
     stamped: bool
     publish_cmd: bool
     warnings: tuple[str, ...] = ()
+    reversed: tuple[str, ...] = ()
+
+    def of_wheels(self, sides: tuple[float, float]) -> tuple[float, ...]:
+        """A figure of each driven wheel, those of the left first, from the ones of the two sides."""
+        figures = (sides[0],) * len(self.left_joints) + (sides[1],) * len(self.right_joints)
+        if not self.reversed:
+            return figures
+        joints = (*self.left_joints, *self.right_joints)
+        return tuple(-each if joint in self.reversed else each for joint, each in zip(joints, figures, strict=True))
+
+    def of_sides(self, by_joint: Mapping[str, float]) -> tuple[float, float]:
+        """The mean figures of the two sides, positive ahead, from those of the joints."""
+        return _mean_of(by_joint, self.left_joints, self.reversed), _mean_of(by_joint, self.right_joints, self.reversed)
 
 
 @dataclass(frozen=True)
@@ -206,6 +220,7 @@ def drive_config(name: str, model: RobotModel, parameters: BaseParameters) -> Dr
             *idle,
             *([] if parameters.cmd_vel_timeout else [NO_TIMEOUT]),
         ),
+        reversed=wheels.reversed,
         **common,
     )
 
@@ -311,6 +326,13 @@ def _check_sides(pair: WheelPair, left: str, right: str, allowed: bool) -> list[
     if not allowed:
         raise BadInput(f"{text}. Exchange the two names, or set allow_swapped_wheels = true to drive so on purpose")
     return [text]
+
+
+def _mean_of(by_joint: Mapping[str, float], joints: tuple[str, ...], turned: tuple[str, ...]) -> float:
+    total = 0.0
+    for each in joints:  # sum() rounds otherwise from Python 3.12 on
+        total += -by_joint[each] if each in turned else by_joint[each]
+    return total / len(joints)
 
 
 def _merged(ours: Any, stated: Any) -> Any:

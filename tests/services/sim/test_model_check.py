@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from deploy.commands.model import command
 from services.sim.model_check import ModelCheck, check_model
 from tests.models import robots
-from tests.models.sample_robots import inertial
+from tests.models.sample_robots import inertial, joint, link, robot, shape, write
 
 pytestmark = pytest.mark.slow
 
@@ -131,6 +131,56 @@ def test_wheels_without_a_tag_are_found_by_their_shapes(tmp_path: Path, check: C
     assert found.base.separation == pytest.approx(0.3)
     assert "no tag names a drive" in found.notes[-1]
     assert found.ok, found
+
+
+def wheeled(mount: str, *more: str) -> str:
+    """A robot on two wheels, as mirrored copies of one, and on two skids; ``mount`` is the kind of the joints that its
+    wheels hang on, and its root is 5 mm below their lowest points."""
+    base = link("base_link", INERTIAL_OF_BASE, shape("collision", '<box size="0.3 0.2 0.05"/>', "0 0 0.1"))
+    parts = [base, *more]
+    for side, y, turn in (("left", 0.15, "0"), ("right", -0.15, "3.14159265")):
+        limit = '<limit lower="0" upper="0.03" effort="0" velocity="0"/>'
+        parts += [
+            joint(f"{side}_drop", mount, "base_link", f"{side}_mount", f'<origin xyz="0 {y} 0.055"/>', DOWN, limit),
+            link(f"{side}_mount", inertial(0.05, 1e-5)),
+            joint(f"{side}_joint", "continuous", f"{side}_mount", f"{side}_wheel", f'<origin rpy="{turn} 0 0"/>', Y),
+            link(f"{side}_wheel", inertial(0.3, 2e-4), shape("collision", WHEEL, rpy="1.5707963 0 0")),
+        ]
+    for name, x in (("fore", 0.12), ("aft", -0.12)):
+        parts += [
+            joint(f"{name}_joint", "fixed", "base_link", name, f'<origin xyz="{x} 0 0.025"/>'),
+            link(name, inertial(0.05, 1e-5), shape("collision", '<sphere radius="0.02"/>')),
+        ]
+    return robot(*parts)
+
+
+INERTIAL_OF_BASE = (
+    '<inertial><origin xyz="0 0 0.08"/><mass value="3"/>'
+    '<inertia ixx="0.011" iyy="0.024" izz="0.033" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+WHEEL = '<cylinder radius="0.05" length="0.02"/>'
+Y = '<axis xyz="0 1 0"/>'
+DOWN = '<axis xyz="0 0 -1"/>'
+
+
+def test_wheels_in_mirror_image_turn_opposite_ways_to_drive_ahead(tmp_path: Path, check: Checker) -> None:
+    found = check_model(str(write(tmp_path / "mirrored.urdf", wheeled("fixed"))), tmp_path)
+    assert "these turn backwards to drive ahead, as their axes say: right_joint" in found.notes
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 2e-3
+    straight, turn = found.trials
+    assert straight.counted == pytest.approx(1.0, rel=5e-3), "they count it as the way ahead"
+    assert turn.counted == pytest.approx(turn.did, rel=5e-3)
+
+
+def test_wheels_on_springs_drive(tmp_path: Path, check: Checker) -> None:
+    found = check_model(str(write(tmp_path / "sprung.urdf", wheeled("prismatic"))), tmp_path)
+    assert found.base is not None
+    assert (found.base.left_joints, found.base.right_joints) == (("left_joint",), ("right_joint",))
+    assert found.notes[-1] == "suspensions of wheels, which are fixed since no spring acts here: left_drop, right_drop"
+    assert [each.name for each in found.joints] == ["left_joint", "right_joint"], "the drops are fixed for everybody"
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 2e-3
 
 
 def test_tyres_on_hubs_drive(tmp_path: Path, check: Checker) -> None:
