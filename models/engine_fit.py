@@ -12,12 +12,12 @@ from xml.etree import ElementTree
 from messages.se3 import Pose3, rotate, rotate_inverse
 from models.extents import bottom, lowest_point, placed_shapes, solid_shapes
 from models.gazebo_tags import Friction
-from models.inferred import TOUCHES, Wheel, read_wheel, rolling_joints
 from models.model import RobotModel
 from models.robot_facts import BuiltWheels, Skid
 from models.shapes import LinkShapes, Shape
 from models.urdf import RobotDescription, parse_xml
 from models.urdf_writer import link_poses
+from models.wheels import TOUCHES, Wheel, read_wheel, rolling_joints
 
 WHEEL_FRICTION = 1.0
 """Of a driven wheel without a tag."""

@@ -27,7 +27,7 @@ from models.shapes import read_shapes
 from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
-FORMAT = "14"
+FORMAT = "15"
 """Changes when other files are made of the same robot."""
 MAX_MODEL_TOML = 1 << 20
 """Bytes of a ``model.toml``."""

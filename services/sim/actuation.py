@@ -25,6 +25,7 @@ from services.sim.drive.odometry import Odometer
 from services.sim.drive.odometry_error import NO_ERROR
 from services.sim.drive.planar_velocity import set_planar_velocity
 from services.sim.drive.side_grip import SideGrip
+from services.sim.drive.steering import SteeringServo
 from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.parameters import RobotEntry
@@ -148,9 +149,7 @@ def spawn_actuation(
     """Put the body of a robot into the world, with what moves it; raises BadInput with nothing left behind."""
     if model.has_base:
         base = BaseParameterSet(node, namespace, entry, wait)
-        joints = (*base.config.left_joints, *base.config.right_joints)
-        motors = tuple(Motor(joint, base.config.torque) for joint in joints)
-        body, grip = _spawn_body(world, entry, model, pose, base, motors=motors)
+        body, grip = _spawn_body(world, entry, model, pose, base, motors=base.config.motors)
         return BaseActuation(node, body, entry, model, base, seed, command_sources, delays, grip)
     parameters = JointParameterSet(node, namespace, entry, wait)
     friction = tuple(parameters.config.joint_friction.items())
@@ -197,6 +196,9 @@ class BaseActuation:
     ) -> None:
         self._body, self._entry, self._model, self._parameters = body, entry, model, parameters
         self._side_grip = side_grip
+        steering = parameters.config.drive.steering
+        self._servo = None if steering is None else SteeringServo(body, steering)
+        self._wheel_targets: tuple[float, ...] = parameters.config.of_wheels((0.0, 0.0))
         self.controller = DiffDriveController(parameters.config, command_sources, delays, node.log)
         self.noise = parameters.parameters.noise
         config = odometry_config(model, parameters.parameters)
@@ -206,7 +208,7 @@ class BaseActuation:
             node.log.info(f"{entry.name}: odometry takes the wheels for other ones by the seed {seed}: {error}")
         self._open_loop = config.source == "open loop"
         speed_driven = model.wheels is not None and parameters.config.gains is None
-        self._only_speeds = speed_driven and side_grip is None and not self._open_loop
+        self._only_speeds = speed_driven and side_grip is None and steering is None and not self._open_loop
         """Whether nothing but new wheel speeds is to be done in a physics step; so it is for most bases."""
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (
@@ -272,6 +274,10 @@ class BaseActuation:
         config = self.controller.config
         if self._model.wheels is None:
             set_planar_velocity(self._body, *self.controller.planar_velocity)
+        elif self._servo is not None:
+            if speeds is not None:
+                self._wheel_targets = config.of_wheels(speeds)
+            self._body.set_speeds((*self._wheel_targets, *self._servo.speeds(self.controller.steer)))
         elif config.gains is not None:
             self._body.set_torques(config.of_wheels(self.controller.torques(self._wheel_speeds())))
         elif speeds is not None:
@@ -284,7 +290,9 @@ class BaseActuation:
     def reset(self) -> None:
         self.controller.reset()
         if self._model.wheels is not None:
-            self._body.set_speeds(self.controller.config.of_wheels((0.0, 0.0)))
+            config = self.controller.config
+            self._wheel_targets = config.of_wheels((0.0, 0.0))
+            self._body.set_speeds((*self._wheel_targets, *[0.0] * (len(config.motors) - len(self._wheel_targets))))
 
     def reconfigure(self, now: int) -> None:
         if not self._parameters.update():

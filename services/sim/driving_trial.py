@@ -15,9 +15,10 @@ from messages.se2 import Pose2
 from messages.se3 import rotate_inverse
 from services.runtime.step import STEP_NS
 from services.sim.drive.driver import AT_REST, Drive, DriveState, commanded_velocity, step_drive, wheel_speeds
-from services.sim.drive.odometry import OdometryState, initial_odometry, integrate_encoders
+from services.sim.drive.odometry import OdometryState, initial_odometry, integrate_arc, integrate_encoders
 from services.sim.drive.planar_velocity import set_planar_velocity
 from services.sim.drive.side_grip import SideGrip
+from services.sim.drive.steering import SteeringServo
 from services.sim.physics.world import BodyState, World
 
 DT = STEP_NS / 1e9
@@ -48,7 +49,7 @@ def turned(states: Sequence[BodyState]) -> float:
 @dataclass
 class DrivenRobot:
     """A base under constant commands. ``of_wheels`` gives the speeds of its motors from those of the left and of the
-    right; ``side_grip`` is there for one that skids."""
+    right; ``side_grip`` is there for one that skids, ``servo`` for one that is steered."""
 
     world: World
     name: str
@@ -56,6 +57,7 @@ class DrivenRobot:
     state: DriveState = field(default=AT_REST)
     of_wheels: Callable[[tuple[float, float]], Sequence[float]] = tuple
     side_grip: SideGrip | None = None
+    servo: SteeringServo | None = None
 
     def set(self, v: float, w: float, *, vy: float = 0.0, braking: bool = False) -> None:
         """Command it for the next physics step."""
@@ -63,6 +65,10 @@ class DrivenRobot:
         if self.drive.holonomic:
             self.state = after
             set_planar_velocity(self.world.body(self.name), after.v, after.vy, after.w)
+        elif self.servo is not None:
+            self.state = after
+            wheels = self.of_wheels(wheel_speeds(self.drive, after))
+            self.world.body(self.name).set_speeds((*wheels, *self.servo.speeds(after.steer)))
         elif after is not self.state:
             self.state = after
             self.world.body(self.name).set_speeds(self.of_wheels(wheel_speeds(self.drive, after)))
@@ -133,16 +139,21 @@ def turn_on_the_spot(robot: DrivenRobot, angle: float, rate: float, encoders: En
     return _manoeuvre(robot, angle, (0.0, 0.0, rate), encoders)
 
 
+def drive_circle(robot: DrivenRobot, angle: float, speed: float, rate: float, encoders: Encoders) -> Manoeuvre:
+    """Turn to the left on a circle from rest to rest; ``aside`` is how far it ends from where the command leads."""
+    return _manoeuvre(robot, angle, (speed, 0.0, rate), encoders)
+
+
 def _manoeuvre(
     robot: DrivenRobot, amount: float, velocity: tuple[float, float, float], encoders: Encoders | None
 ) -> Manoeuvre:
     """Command a velocity until the limited command, with the way to a stop, comes to ``amount``."""
-    axis = next(each for each in range(3) if velocity[each])
+    axis = max(each for each in range(3) if velocity[each])
     body = robot.world.body(robot.name)
     drive_robots([robot], 0.0, 0.0, SETTLE_S)
     states, counter = [body.state()], _Counter(robot, encoders)
     told = stopping = 0.0
-    going = True
+    going, led = True, Pose2(0.0, 0.0, 0.0)
     for _ in range(round(SLOWEST / DT)):
         before = robot.velocity[axis]
         command = velocity if going else (0.0, 0.0, 0.0)
@@ -152,6 +163,7 @@ def _manoeuvre(
         counter.update()
         now = robot.velocity[axis]
         told += now * DT
+        led = integrate_arc(*led, robot.velocity[0] * DT, robot.velocity[2] * DT)
         if going:
             stopping = _way_to_stop(robot, axis)
             going = told + stopping < amount
@@ -164,7 +176,7 @@ def _manoeuvre(
     ahead, left, _ = rotate_inverse(start.orientation, (dx, dy, dz))
     turn = turned(states)
     did = (ahead, left, turn)[axis]
-    aside = math.hypot(ahead, left) if axis == 2 else abs((left, ahead)[axis])
+    aside = math.hypot(ahead - led.x, left - led.y) if axis == 2 else abs((left, ahead)[axis])
     upright = tilt_of(start)
     return Manoeuvre(
         told=told,

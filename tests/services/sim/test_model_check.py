@@ -11,9 +11,11 @@ import pytest
 from click.testing import CliRunner
 
 from deploy.commands.model import command
+from services.sim import model_check
+from services.sim.engines import ENGINES, Engine, has_engine
 from services.sim.model_check import ModelCheck, check_model
 from tests.models import robots
-from tests.models.sample_robots import inertial, joint, link, robot, shape, write
+from tests.models.sample_robots import ACROSS, INERTIAL_OF_BASE, car, inertial, joint, link, robot, shape, write
 
 pytestmark = pytest.mark.slow
 
@@ -143,7 +145,9 @@ def wheeled(mount: str, *more: str) -> str:
         parts += [
             joint(f"{side}_drop", mount, "base_link", f"{side}_mount", f'<origin xyz="0 {y} 0.055"/>', DOWN, limit),
             link(f"{side}_mount", inertial(0.05, 1e-5)),
-            joint(f"{side}_joint", "continuous", f"{side}_mount", f"{side}_wheel", f'<origin rpy="{turn} 0 0"/>', Y),
+            joint(
+                f"{side}_joint", "continuous", f"{side}_mount", f"{side}_wheel", f'<origin rpy="{turn} 0 0"/>', ACROSS
+            ),
             link(f"{side}_wheel", inertial(0.3, 2e-4), shape("collision", WHEEL, rpy="1.5707963 0 0")),
         ]
     for name, x in (("fore", 0.12), ("aft", -0.12)):
@@ -154,12 +158,7 @@ def wheeled(mount: str, *more: str) -> str:
     return robot(*parts)
 
 
-INERTIAL_OF_BASE = (
-    '<inertial><origin xyz="0 0 0.08"/><mass value="3"/>'
-    '<inertia ixx="0.011" iyy="0.024" izz="0.033" ixy="0" ixz="0" iyz="0"/></inertial>'
-)
 WHEEL = '<cylinder radius="0.05" length="0.02"/>'
-Y = '<axis xyz="0 1 0"/>'
 DOWN = '<axis xyz="0 0 -1"/>'
 
 
@@ -181,6 +180,36 @@ def test_wheels_on_springs_drive(tmp_path: Path, check: Checker) -> None:
     assert [each.name for each in found.joints] == ["left_joint", "right_joint"], "the drops are fixed for everybody"
     assert found.ok, found
     assert max(map(abs, errors(found))) < 2e-3
+
+
+@pytest.mark.parametrize("front", [(0.2, -0.2), (0.0,)], ids=["car", "tricycle"])
+@pytest.mark.parametrize("engine", [each for each in ENGINES if has_engine(each)])
+def test_steered_wheels_lead_around_a_circle(
+    tmp_path: Path, check: Checker, monkeypatch: pytest.MonkeyPatch, engine: Engine, front: tuple[float, ...]
+) -> None:
+    monkeypatch.setattr(model_check, "default_engine", lambda: engine)
+    found = check_model(str(write(tmp_path / "car.urdf", car(front))), tmp_path)
+    assert found.base is not None
+    assert (found.base.kind, found.base.left_joints, found.base.right_joints) == (
+        "steered",
+        ("rear_left",),
+        ("rear_right",),
+    )
+    assert [each.name for each in found.joints if each.role == "steering"] == [f"steer_{n}" for n in range(len(front))]
+    straight, circle = found.trials[:2]
+    assert (straight.name, circle.name) == ("1 m straight", "360 deg on a circle")
+    assert found.ok, found
+    assert max(abs(straight.error), abs(circle.error)) < 5e-3
+    assert circle.counted == pytest.approx(circle.did, rel=1e-2), "its rear wheels count the turn"
+
+
+def test_a_caster_does_not_steer(tmp_path: Path, check: Checker) -> None:
+    trailing = car((0.0,)).replace(
+        '<child link="front_wheel_0"/>', '<child link="front_wheel_0"/><origin xyz="-0.05 0 0"/>'
+    )
+    found = check_model(str(write(tmp_path / "caster.urdf", trailing)), tmp_path, drive=False)
+    assert found.base is not None
+    assert found.base.kind == "differential"
 
 
 def test_tyres_on_hubs_drive(tmp_path: Path, check: Checker) -> None:

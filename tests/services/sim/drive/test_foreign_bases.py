@@ -17,6 +17,7 @@ from services.runtime.errors import BadInput
 from services.sim.engines import ENGINES, Engine, has_engine
 from services.sim.robot_loader import on_the_ground
 from tests.models import robots
+from tests.models.sample_robots import car, write
 from tests.services.sim.drive.simulation_harness import SimulationHarness, run_simulation
 
 FOLDER = Path(robots.__file__).parent
@@ -98,6 +99,21 @@ def test_wheels_in_mirror_image_are_driven_and_counted_ahead(tmp_path: Path) -> 
             assert truth == pytest.approx((0.55, 0.0), abs=0.05), gains
             counted = on.latest(ODOM).pose.pose.position
             assert (counted.x, counted.y) == pytest.approx(truth, abs=0.01), gains
+
+
+def test_a_car_turns_as_commanded_and_counts_it(tmp_path: Path) -> None:
+    model = resolve_robot(str(write(tmp_path / "car.urdf", car((0.2, -0.2)))), tmp_path).model
+    with run_simulation(model, on_the_ground(model, Pose3())) as on:
+        on.drive(0.3, 0.15, 4.0)
+        twist = on.latest(GROUND_TRUTH).twist.twist
+        assert (twist.linear.x, twist.angular.z) == pytest.approx((0.3, 0.15), abs=0.01)
+        counted = on.latest(ODOM).pose.pose.position
+        assert (counted.x, counted.y) == pytest.approx(position(on), abs=0.02)
+        assert position(on)[1] > 0.05, "to the left"
+        on.drive(0.0, 0.5, 2.0)
+        stood = position(on)
+        on.drive(0.0, 0.5, 1.0)
+        assert position(on) == pytest.approx(stood, abs=1e-3), "no car turns on the spot"
 
 
 def test_the_sensors_of_tags_are_where_their_links_are() -> None:
