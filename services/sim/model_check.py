@@ -470,11 +470,9 @@ def _shake(robot: _Robot) -> Iterator[TrialFacts]:
     moves = {each.name: move for each in chosen if (move := _move(each))}
     units = {each.name: "m" if each.kind == "prismatic" else "rad" for each in chosen}
     with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
+        # In the air: what it stands on would be in the way.
         body = _body(robot, motors, fixed=True).body
-        if not model.fixed_base:
-            # In the air: what it stands on would be in the way.
-            body = replace(body, pose=Pose3((0.0, 0.0, LIFT + robot.facts.height)))
-        world.spawn(body)
+        world.spawn(replace(body, pose=Pose3((0.0, 0.0, LIFT + robot.facts.height))))
         for trial in shake_joints(world, "robot", [each.joint for each in motors], moves):
             yield _joint_trial(trial, units[trial.joint])
 

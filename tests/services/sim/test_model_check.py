@@ -172,6 +172,29 @@ def test_wheels_in_mirror_image_turn_opposite_ways_to_drive_ahead(tmp_path: Path
     assert turn.counted == pytest.approx(turn.did, rel=5e-3)
 
 
+def test_the_ground_is_not_in_the_way_of_an_arm_that_stands_on_it(tmp_path: Path, check: Checker) -> None:
+    rod = shape("collision", '<box size="0.6 0.04 0.04"/>', "0.4 0 0")
+    low = robot(
+        link("world"),
+        joint("mount", "fixed", "world", "stand"),
+        link("stand", inertial(2.0)),
+        joint(
+            "shoulder",
+            "revolute",
+            "stand",
+            "rod",
+            '<origin xyz="0 0 0.1"/>',
+            ACROSS,
+            '<limit lower="-1" upper="1" effort="50" velocity="2"/>',
+        ),
+        link("rod", inertial(0.5, 0.02), rod),
+    )
+    found = check_model(str(write(tmp_path / "low.urdf", low)), tmp_path)
+    assert found.fixed_base
+    assert [each.name for each in found.trials] == ["shoulder"]
+    assert found.ok, found
+
+
 def test_wheels_on_springs_drive(tmp_path: Path, check: Checker) -> None:
     found = check_model(str(write(tmp_path / "sprung.urdf", wheeled("prismatic"))), tmp_path)
     assert found.base is not None
