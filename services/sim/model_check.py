@@ -419,7 +419,8 @@ def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[
             k = 0.7 * steering.curvature(steering.max_angle)
             speed = min(speed, rate / k)
             circle = drive_circle(fresh(), math.tau, speed, speed * k, settings.of_sides)
-            yield _turn(circle, "360 deg on a circle", max(DRIFT, STRAIGHT * math.tau / k))
+            # What turns by so much less ends that share of the way from where it began.
+            yield _turn(circle, "360 deg on a circle", max(DRIFT, TURN * math.tau / k))
             return
         spin = turn_on_the_spot(fresh(), math.tau, rate, encoders)
         yield _turn(spin)
