@@ -12,12 +12,12 @@ from xml.etree import ElementTree
 from messages.se3 import Pose3, rotate, rotate_inverse
 from models.extents import bottom, lowest_point, placed_shapes, solid_shapes
 from models.gazebo_tags import Friction
-from models.inferred import TOUCHES, Wheel, read_wheel, rolling_joints
 from models.model import RobotModel
 from models.robot_facts import BuiltWheels, Skid
 from models.shapes import LinkShapes, Shape
 from models.urdf import RobotDescription, parse_xml
 from models.urdf_writer import link_poses
+from models.wheels import TOUCHES, Wheel, read_wheel, rolling_joints
 
 WHEEL_FRICTION = 1.0
 """Of a driven wheel without a tag."""
@@ -69,6 +69,19 @@ class EngineFit:
     starts: dict[str, float]
     skid: Skid | None = None
     wheels: BuiltWheels | None = None
+
+
+def find_suspensions(robot: RobotDescription, driven: DrivenWheels) -> tuple[str, ...]:
+    """The slides between the root and driven wheels, in the order of the file."""
+    above = {each.child: each for each in robot.joints}
+    slides: set[str] = set()
+    for wheel in (each for each in robot.joints if each.name in driven.joints):
+        link = wheel.parent
+        while (joint := above.get(link)) is not None:
+            link = joint.parent
+            if joint.kind == "prismatic" and joint.limits.clamp(0.0) == 0:
+                slides.add(joint.name)
+    return tuple(each.name for each in robot.joints if each.name in slides)
 
 
 def fit_urdf(

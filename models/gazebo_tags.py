@@ -29,22 +29,24 @@ _STEP_RATE = 200.0
 
 @dataclass(frozen=True)
 class DriveTag:
-    """A drive: of wheels (``differential``) or of the body itself (``holonomic``).
+    """A drive: of wheels (``differential``, or ``steered`` as a car is) or of the body itself (``holonomic``).
 
-    Joints are in the order of the wheel pairs. Lengths in m, ``torque`` in N m, ``acceleration`` [m/s2] and the maxima
-    [m/s, rad/s] None where no tag says them.
+    Joints are in the order of the wheel pairs; ``reversed_joints`` turn backwards to drive ahead. Lengths in m,
+    ``torque`` in N m, ``acceleration`` [m/s2] and the maxima [m/s, rad/s, rad] None where no tag says them.
     """
 
-    kind: Literal["differential", "holonomic"]
+    kind: Literal["differential", "steered", "holonomic"]
     where: str
     left_joints: tuple[str, ...] = ()
     right_joints: tuple[str, ...] = ()
+    reversed_joints: tuple[str, ...] = ()
     separation: float | None = None
     radius: float | None = None
     torque: float | None = None
     acceleration: float | None = None
     max_linear: float | None = None
     max_angular: float | None = None
+    max_steer: float | None = None
 
 
 @dataclass(frozen=True)
@@ -252,6 +254,7 @@ class _Reader:
             "gazebo_ros_planar_move": self._planar_move,
             "gazebo_ros_force_based_move": self._force_based_move,
             "gazebo_ros_kobuki": self._kobuki,
+            "steered_drive": self._steered_drive,
             "gazebo_ros_joint_state_publisher": self._joint_states,
             "gazebo_ros_p3d": self._ground_truth,
             "gazebo_ros_control": self._ros_control,
@@ -305,6 +308,9 @@ class _Reader:
         kind = _PLUGIN_ALIASES.get(kind, kind)
         if re.search("ro_?s_?2?_control", kind):
             kind = "gazebo_ros_control"
+        elif "ackerman" in kind or "tricycle" in kind:
+            # Spelled in both ways; makers of robots have their own.
+            kind = "steered_drive"
         elif kind.endswith("_force_based_move"):
             # Makers of robots have their own, as ridgeback_ros_force_based_move.
             kind = "gazebo_ros_force_based_move"
@@ -397,6 +403,29 @@ class _Reader:
         if self._text(plugin, "imu_name"):
             self._alias("imu", "mobile_base/sensors/imu_data")
         self._take(plugin, "velocity_command_timeout")
+        self._name_rest(plugin)
+
+    def _steered_drive(self, plugin: UrdfElement, _: str) -> None:
+        """The drive of a car or of a tricycle, whose wheels are found by their joints."""
+        diameter = self._number(plugin, "wheel_diameter", "actuated_wheel_diameter")
+        self._add_drive(
+            DriveTag(
+                "steered",
+                self._where(plugin),
+                separation=self._number(plugin, "wheel_separation"),
+                radius=diameter / 2 if diameter else self._number(plugin, "wheel_radius"),
+                max_linear=self._number(plugin, "max_speed", "max_velocity", "max_linear_velocity"),
+                max_angular=self._number(plugin, "max_angular_velocity"),
+                max_steer=self._number(plugin, "max_steer", "steering_limit"),
+                torque=self._number(plugin, "torque", "wheel_torque"),
+            ),
+            plugin,
+        )
+        for each in _children(plugin):
+            if "joint" in each.tag.lower():
+                each.set("read", "")
+        self._take(plugin, "wheel_base", "kingpin_width", "min_velocity", "min_linear_velocity")
+        self._odometry(plugin)
         self._name_rest(plugin)
 
     def _gz_diff_drive(self, plugin: UrdfElement, _: str) -> None:

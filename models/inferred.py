@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import msgspec
 
 from messages.errors import unknown_name
-from messages.se3 import Pose3, Vector, rotate, rotate_inverse
+from messages.se3 import Vector
 from models.dynamics import GRAVITY
-from models.extents import bottom, circle_radius, lowest_point, placed_shapes, solid_shapes, support
+from models.extents import bottom, circle_radius, lowest_point, placed_shapes, solid_shapes
 from models.gazebo_tags import DriveTag, GazeboTags, step_rate
-from models.model import LaserConfig, PlanarConfig, RobotModel, WheelConfig
-from models.shapes import LinkShapes, Shape
-from models.urdf import Joint, NoWheels, RobotDescription
+from models.model import LaserConfig, PlanarConfig, RobotModel, SteeringConfig, WheelConfig
+from models.shapes import LinkShapes
+from models.steering import find_steering, steering_config
+from models.urdf import NoWheels, RobotDescription
 from models.urdf_writer import link_poses
+from models.wheels import TOUCHES, Wheel, read_wheel, rolling_joints, turns_for_ever
 
 MAX_LINEAR = 1.0
 """m/s, of a base of which neither tag nor joint says how fast it is."""
@@ -27,32 +29,8 @@ ACCELERATION = 1.0
 """m/s2, at most; half of what tips the robot where that is less."""
 BRAKE = 2.0
 """m/s2, likewise."""
-TOUCHES = 0.01
-"""m; what is not higher above a robot's lowest point than this can touch the ground."""
 MAX_PLAUSIBLE_SPEED = 10.0
 """m/s; a limit of a joint that comes to more means "none"."""
-
-ENDLESS = 1000.0
-"""rad; a revolute joint with more room than this is meant to be continuous."""
-
-ROLL_DIRECTIONS = 24
-"""In which a wheel is measured around its axle."""
-
-
-@dataclass(frozen=True)
-class Wheel:
-    """A wheel: its joint, the link that has its shapes, the middle of its axle in that link's frame (``centre``) and
-    in the root's (``place``) [m], the axle's unit vector in either (``axle``, ``direction``), radius and width [m], 0
-    where no shape tells."""
-
-    joint: str
-    link: str
-    centre: Vector
-    place: Vector
-    axle: Vector
-    direction: Vector
-    radius: float
-    width: float
 
 
 class InferredModel(NamedTuple):
@@ -72,59 +50,6 @@ def infer_model(
     return _Inference(robot, tags, shapes, name).result()
 
 
-def read_wheel(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint: Joint) -> Wheel:
-    """The wheel on a joint, as its shapes have it: the child, or the link that reaches farthest from the axle of those
-    that fixed joints hold to it, as a tyre on a hub. What collides counts before what is only seen."""
-    held = {joint.child: Pose3()}
-    pending = [joint.child]
-    for link in pending:
-        for each in robot.joints:
-            if each.parent == link and not each.single_dof:
-                held[each.child] = held[link] @ each.transform()
-                pending.append(each.child)
-    solid = [link for link in held if link in shapes and shapes[link].collisions]
-    wheels = [_wheel_of(robot, shapes, joint, link, held[link]) for link in solid or held]
-    return max(wheels, key=lambda each: each.radius)
-
-
-def _wheel_of(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint: Joint, link: str, held: Pose3) -> Wheel:
-    """What the shapes of ``link`` are as a wheel; ``held`` is its pose in the frame of the joint's child."""
-    solid = shapes.get(link, LinkShapes()).any
-    flat = _across(joint.axis)
-    reach = [_reach(solid, held, _combine(flat, math.tau * each / ROLL_DIRECTIONS)) for each in range(ROLL_DIRECTIONS)]
-    out, back = _reach(solid, held, joint.axis), -_reach(solid, held, _scaled(joint.axis, -1.0))
-    spheres = [each for each in solid if each.kind == "sphere"]
-    centre = Pose3(_scaled(joint.axis, (out + back) / 2 if solid else 0.0))
-    pose = link_poses(robot)[joint.child]
-    return Wheel(
-        joint=joint.name,
-        link=link,
-        centre=(held.inverse() @ centre).position,
-        place=(pose @ centre).position,
-        axle=rotate_inverse(held.orientation, joint.axis),
-        direction=rotate(pose.orientation, joint.axis),
-        radius=round(max(reach), 6) if solid else 0.0,  # angles in URDFs have few digits
-        width=0.0 if len(spheres) == len(solid) else out - back,
-    )
-
-
-def turns_for_ever(joint: Joint) -> bool:
-    """Whether a joint has no limit worth the name."""
-    low, high = joint.limits.lower, joint.limits.upper
-    endless = low is not None and high is not None and high - low > ENDLESS
-    return joint.kind == "continuous" or (joint.kind == "revolute" and endless)
-
-
-def rolling_joints(robot: RobotDescription) -> list[Joint]:
-    """The joints that turn for ever about an axle that lies across: what wheels turn on, driven or not."""
-    poses = link_poses(robot)
-    return [
-        joint
-        for joint in robot.joints
-        if turns_for_ever(joint) and abs(rotate(poses[joint.child].orientation, joint.axis)[2]) < 0.1
-    ]
-
-
 class _Inference:
     """The steps from tags and geometry to a model."""
 
@@ -138,12 +63,12 @@ class _Inference:
     def result(self) -> InferredModel:
         """The model of the robot."""
         tags, robot = self._tags, self._robot
-        drive = tags.drive or self._guess_drive()
+        drive, steering = self._drive()
         drive_table: dict[str, Any] = {}
         wheels = planar = None
         fixed = tags.static or robot.root == "world"
-        if drive is not None and drive.kind == "differential":
-            wheels = self._wheels(drive, drive_table)
+        if drive is not None and drive.kind != "holonomic":
+            wheels = self._wheels(drive, drive_table, steering)
         elif drive is not None:
             planar = self._planar(drive)
         if drive is not None:
@@ -177,7 +102,30 @@ class _Inference:
             table["enable_odom_tf"] = False
         return table
 
-    def _wheels(self, drive: DriveTag, table: dict[str, Any]) -> WheelConfig:
+    def _drive(self) -> tuple[DriveTag | None, SteeringConfig | None]:
+        """What drives the robot, by its tags or by its wheels, and how it is steered."""
+        stated = self._tags.drive
+        if stated is not None and stated.kind != "steered":
+            return stated, None
+        found = find_steering(self._robot, self._shapes, self._commanded(), self._floor + 2 * TOUCHES)
+        if found is not None:
+            drive = stated or DriveTag("steered", self._name)
+            steered = ", ".join(each.steering.name for each in found.steered)
+            pair = f"{found.left.joint}, {found.right.joint}"
+            self._notes.append(f"{drive.where}: steered by {steered}, driven by {pair}: cmd_vel has the turn rate")
+            backwards = tuple(each.joint for each in (found.left, found.right) if each.direction[1] < 0)
+            left, right = (found.left.joint,), (found.right.joint,)
+            drive = replace(drive, left_joints=left, right_joints=right, reversed_joints=backwards)
+            return drive, steering_config(found, drive.max_steer, self._mass())
+        if stated is not None:
+            self._notes.append(f"{stated.where}: no wheels on steering joints are found beside an axle that is not")
+        return self._guess_drive(), None
+
+    def _commanded(self) -> set[str]:
+        """The joints of transmissions and of ``<ros2_control>``."""
+        return {joint for each in self._tags.transmissions for joint in each.joints}
+
+    def _wheels(self, drive: DriveTag, table: dict[str, Any], steering: SteeringConfig | None) -> WheelConfig:
         sides = drive.left_joints, drive.right_joints
         left, right = ([self._wheel(name, drive.where) for name in side] for side in sides)
         if _mean(each.place[1] for each in left) < _mean(each.place[1] for each in right):
@@ -192,19 +140,19 @@ class _Inference:
         if not separation > 0:
             raise NoWheels(f"{drive.where}: the wheels do not stand left and right of the robot's x axis")
         for each in both:
-            if each.direction[1] < 0.5:
+            if each.direction[1] < 0.5 and each.joint not in drive.reversed_joints:
                 self._notes.append(
                     f"{drive.where}: joint {each.joint!r} turns about {_show(each.direction)} and not about the "
                     "robot's y axis: forwards is not where x points"
                 )
-        if len(both) > 2:
-            # Here a base that skids turns as its track says; figures for Gazebo and for real ones are often larger.
+        if len(both) > 2 or steering is not None:
+            # Here a base that skids, or steers, turns as its track says; figures for Gazebo and real ones often differ.
             factor = track / separation
             if abs(factor - 1) > 0.02:
                 table["wheel_separation_multiplier"] = round(min(max(factor, 0.1), 10.0), 4)
                 self._notes.append(
                     f"{drive.where}: wheelSeparation {separation:.4g} m is times {factor:.4g} here: a base that skids "
-                    f"turns by its track of {track:.4g} m"
+                    f"or steers turns by its track of {track:.4g} m"
                 )
         fastest = drive.max_linear or self._joint_speed(both) * radius
         if not 0 < fastest <= MAX_PLAUSIBLE_SPEED:
@@ -218,15 +166,18 @@ class _Inference:
             )
             rise = max(ACCELERATION, least)
         effective = separation * table.get("wheel_separation_multiplier", 1.0)
+        tightest = 2 / effective if steering is None else steering.max_curvature
         return WheelConfig(
             left_joint=left[0].joint,
             right_joint=right[0].joint,
             other_left=tuple(each.joint for each in left[1:]),
             other_right=tuple(each.joint for each in right[1:]),
+            reversed=drive.reversed_joints,
+            steering=steering,
             separation=separation,
             radius=radius,
             max_linear=fastest,
-            max_angular=drive.max_angular or min(MAX_ANGULAR, 2 * fastest / effective),
+            max_angular=drive.max_angular or min(MAX_ANGULAR, fastest * tightest),
             acceleration=rise if rise > 0 else min(ACCELERATION, least),
             brake=max(rise, min(BRAKE, least)),
             torque=self._torque(drive, both, radius),
@@ -264,7 +215,7 @@ class _Inference:
             each
             for each in wheels
             if each.radius > 0
-            and each.direction[1] > 0.9
+            and abs(each.direction[1]) > 0.9
             and each.place[2] - each.radius < self._floor + 2 * TOUCHES
             and abs(each.place[1]) > each.radius / 10
         ]
@@ -273,23 +224,30 @@ class _Inference:
         if not left or len(left) != len(right) or len(left) > 4:
             return None
         for one, other in zip(left, right, strict=True):
-            mirrored = abs(one.place[0] - other.place[0]) + abs(one.place[1] + other.place[1])
-            if mirrored > 0.02 or abs(one.radius - other.radius) > 0.1 * one.radius:
+            uneven = abs(one.place[0] - other.place[0]) + abs(one.place[1] + other.place[1])
+            if uneven > 0.02 or abs(one.radius - other.radius) > 0.1 * one.radius:
                 return None
         names = ", ".join(each.joint for each in (*left, *right))
         self._notes.append(f"no tag names a drive: driven by its wheels {names}, as they stand")
+        mirrored = tuple(each.joint for each in (*left, *right) if each.direction[1] < 0)
+        if mirrored:
+            self._notes.append(f"these turn backwards to drive ahead, as their axes say: {', '.join(mirrored)}")
         return DriveTag(
-            "differential", self._name, tuple(each.joint for each in left), tuple(each.joint for each in right)
+            "differential",
+            self._name,
+            tuple(each.joint for each in left),
+            tuple(each.joint for each in right),
+            reversed_joints=mirrored,
         )
 
     def _mounts(self) -> set[str]:
-        """The root and the links that hang on it without a joint that turns for ever: a rocker may, no swivel."""
+        """The root and the links that hang on it without a joint that turns for ever: a rocker or slide, no swivel."""
         links = {self._robot.root}
         for _ in self._robot.joints:
             more = {
                 each.child
                 for each in self._robot.joints
-                if each.parent in links and each.kind in ("fixed", "revolute") and not turns_for_ever(each)
+                if each.parent in links and each.kind in ("fixed", "revolute", "prismatic") and not turns_for_ever(each)
             }
             if more <= links:
                 break
@@ -359,35 +317,6 @@ class _Inference:
                 f"{self._name}: odometry is that of the root {self._robot.root!r}, the tag says {stated!r}: the tree "
                 "of frames has one root"
             )
-
-
-def _reach(shapes: Iterable[Shape], frame: Pose3, direction: Vector) -> float:
-    return max((support(each, frame, direction) for each in shapes), default=0.0)
-
-
-def _across(axis: Vector) -> tuple[Vector, Vector]:
-    """Two unit vectors at right angles to a unit vector and to each other."""
-    least = min(range(3), key=lambda each: abs(axis[each]))
-    other = [0.0, 0.0, 0.0]
-    other[least] = 1.0
-    one = _cross(axis, (other[0], other[1], other[2]))
-    length = math.sqrt(sum(each * each for each in one))
-    one = _scaled(one, 1 / length)
-    return one, _cross(axis, one)
-
-
-def _combine(plane: tuple[Vector, Vector], angle: float) -> Vector:
-    (a, b, c), (d, e, f) = plane
-    cos, sin = math.cos(angle), math.sin(angle)
-    return a * cos + d * sin, b * cos + e * sin, c * cos + f * sin
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _scaled(vector: Vector, factor: float) -> Vector:
-    return vector[0] * factor, vector[1] * factor, vector[2] * factor
 
 
 def _mean(values: Iterable[float]) -> float:

@@ -30,12 +30,34 @@ class ModelTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """A table of a model file; an unknown key is an error."""
 
 
+class SteeredWheel(ModelTable, frozen=True, kw_only=True):
+    """A wheel on a steering ``joint``: its place [m] ``ahead`` and ``left`` of the middle of the driven axle;
+    ``reversed`` where the joint turns to the right."""
+
+    joint: str
+    ahead: float
+    left: float = 0.0
+    reversed: bool = False
+
+
+class SteeringConfig(ModelTable, frozen=True, kw_only=True):
+    """How a base is steered that drives as a car does: no tighter than ``max_curvature`` [1/m], by motors of ``torque``
+    [N m] that turn its wheels at ``rate`` [rad/s]."""
+
+    wheels: Annotated[tuple[SteeredWheel, ...], Meta(min_length=1, max_length=8)]
+    max_curvature: Positive
+    torque: Positive
+    rate: Positive = 1.5
+
+
 class WheelConfig(ModelTable, frozen=True, kw_only=True):
     """A base with driven wheels on its left and on its right: one on each side, or several that turn alike.
 
     Lengths in m; ``separation`` and ``radius`` are the URDF's unless stated. ``max_linear`` [m/s] and ``max_angular``
     [rad/s] are the hardware's; ``acceleration`` and ``brake`` [m/s2] are those of a wheel's rim, or of the base where
     ``drive`` says ``ramp = "base"``, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
+    ``reversed`` are joints whose positive speed drives backwards, as of motors that are mounted in mirror image. With
+    ``steering``, these wheels are those of the one axle that is not steered.
     """
 
     left_joint: str
@@ -49,6 +71,8 @@ class WheelConfig(ModelTable, frozen=True, kw_only=True):
     torque: Positive
     other_left: tuple[str, ...] = ()
     other_right: tuple[str, ...] = ()
+    reversed: tuple[str, ...] = ()
+    steering: SteeringConfig | None = None
 
     @property
     def left_joints(self) -> tuple[str, ...]:

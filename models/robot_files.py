@@ -6,14 +6,14 @@ import hashlib
 import html
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import msgspec
 
 from messages.errors import BadInput
-from models.engine_fit import DrivenWheels, fit_urdf
+from models.engine_fit import DrivenWheels, find_suspensions, fit_urdf
 from models.gazebo_tags import parse_gazebo_tags
 from models.inertials import mend_inertias
 from models.inferred import infer_model
@@ -27,7 +27,7 @@ from models.shapes import read_shapes
 from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
-FORMAT = "13"
+FORMAT = "15"
 """Changes when other files are made of the same robot."""
 MAX_MODEL_TOML = 1 << 20
 """Bytes of a ``model.toml``."""
@@ -122,8 +122,6 @@ def make_robot(
 
     def write(into: Path) -> None:
         contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
-        written = EngineFiles(into, folder)
-        physics, assumed = physics_urdf(description, shapes, mended.inertias, contacts, written)
         shown = path.name if path is not None else told
         tags = parse_gazebo_tags(resolved, shown)
         chosen: tuple[str, ...] = ()
@@ -133,14 +131,22 @@ def make_robot(
             model, chosen = infer_model(description, shapes, tags, shown)
             driven = DrivenWheels.of(model)
             (into / INFERRED_FILE).write_bytes(msgspec.json.encode(model))
-        fit = fit_urdf(physics, description, shapes, tags.friction, driven)
-        viewer = viewer_urdf(description, shapes, files.found, written)
+        slides = find_suspensions(description, driven)
+        own, held = _with_fixed_joints(resolved, slides), description
+        springs: list[str] = []
+        if slides:
+            held = parse_urdf(own)
+            springs.append(f"suspensions of wheels, which are fixed since no spring acts here: {', '.join(slides)}")
+        written = EngineFiles(into, folder)
+        physics, assumed = physics_urdf(held, shapes, mended.inertias, contacts, written)
+        fit = fit_urdf(physics, held, shapes, tags.friction, driven)
+        viewer = viewer_urdf(held, shapes, files.found, written)
         viewer = _with_paths(viewer, {said: str(file) for said, file in files.found.items()})
-        for file, text in (("robot.urdf", resolved), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
+        for file, text in (("robot.urdf", own), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:
             (into / "model.toml").write_bytes(toml)
-        reach, lowest, highest = extents(description, shapes)
+        reach, lowest, highest = extents(held, shapes)
         left_out = [f"{told}: {each}" for shape in shapes.values() for each in shape.remarks]
         facts = RobotFacts(
             name=name,
@@ -149,7 +155,7 @@ def make_robot(
             reach=reach,
             lowest=lowest,
             highest=highest,
-            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen),
+            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen, *springs),
             height=fit.height,
             starts=fit.starts,
             skid=fit.skid,
@@ -186,6 +192,16 @@ class _StatedWheels(msgspec.Struct):
 class _BaseTables(msgspec.Struct):
     wheels: _StatedWheels | None = None
     planar: dict[str, float] | None = None
+
+
+def _with_fixed_joints(urdf: str, joints: Sequence[str]) -> str:
+    """The text with these joints fixed, line by line as it was."""
+
+    def fixed(found: re.Match[str]) -> str:
+        name = re.search(r"\bname\s*=\s*[\"']([^\"']*)", found[0])
+        return found[0].replace("prismatic", "fixed") if name is not None and name[1] in joints else found[0]
+
+    return re.sub(r"<joint\b[^<>]*>", fixed, urdf) if joints else urdf
 
 
 def _with_paths(urdf: str, paths: Mapping[str, str]) -> str:

@@ -26,6 +26,7 @@ from services.sim.drive.odometry import Odometer
 from services.sim.drive.odometry_error import NO_ERROR
 from services.sim.drive.planar_velocity import set_planar_velocity
 from services.sim.drive.side_grip import SideGrip
+from services.sim.drive.steering import SteeringServo
 from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.parameters import RobotEntry
@@ -156,9 +157,7 @@ def spawn_actuation(
     """Put the body of a robot into the world, with what moves it; raises BadInput with nothing left behind."""
     if model.has_base:
         base = BaseParameterSet(node, namespace, entry, wait)
-        joints = (*base.config.left_joints, *base.config.right_joints)
-        motors = tuple(Motor(joint, base.config.torque) for joint in joints)
-        body, grip = _spawn_body(world, entry, model, pose, base, motors=motors)
+        body, grip = _spawn_body(world, entry, model, pose, base, motors=base.config.motors)
         return BaseActuation(node, body, entry, model, base, seed, command_sources, delays, grip)
     parameters = JointParameterSet(node, namespace, entry, wait)
     friction = tuple(parameters.config.joint_friction.items())
@@ -207,6 +206,9 @@ class BaseActuation:
     ) -> None:
         self._body, self._entry, self._model, self._parameters = body, entry, model, parameters
         self._side_grip = side_grip
+        steering = parameters.config.drive.steering
+        self._servo = None if steering is None else SteeringServo(body, steering)
+        self._wheel_targets: tuple[float, ...] = parameters.config.of_wheels((0.0, 0.0))
         self.controller = DiffDriveController(parameters.config, command_sources, delays, node.log)
         self.noise = parameters.parameters.noise
         config = odometry_config(model, parameters.parameters)
@@ -216,7 +218,7 @@ class BaseActuation:
             node.log.info(f"{entry.name}: odometry takes the wheels for other ones by the seed {seed}: {error}")
         self._open_loop = config.source == "open loop"
         speed_driven = model.wheels is not None and parameters.config.gains is None
-        self._only_speeds = speed_driven and side_grip is None and not self._open_loop
+        self._only_speeds = speed_driven and side_grip is None and steering is None and not self._open_loop
         """Whether nothing but new wheel speeds is to be done in a physics step; so it is for most bases."""
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (
@@ -282,12 +284,17 @@ class BaseActuation:
         speeds = self.controller.step(now)
         if speeds is None and self._only_speeds:
             return
+        config = self.controller.config
         if self._model.wheels is None:
             set_planar_velocity(self._body, *self.controller.planar_velocity)
-        elif self.controller.config.gains is not None:
-            self._body.set_torques(self._of_wheels(self.controller.torques(self._wheel_speeds())))
+        elif self._servo is not None:
+            if speeds is not None:
+                self._wheel_targets = config.of_wheels(speeds)
+            self._body.set_speeds((*self._wheel_targets, *self._servo.speeds(self.controller.steer)))
+        elif config.gains is not None:
+            self._body.set_torques(config.of_wheels(self.controller.torques(self._wheel_speeds())))
         elif speeds is not None:
-            self._body.set_speeds(self._of_wheels(speeds))
+            self._body.set_speeds(config.of_wheels(speeds))
         if self._side_grip is not None:
             self._side_grip.step()
         if self._open_loop:
@@ -296,7 +303,9 @@ class BaseActuation:
     def reset(self) -> None:
         self.controller.reset()
         if self._model.wheels is not None:
-            self._body.set_speeds(self._of_wheels((0.0, 0.0)))
+            config = self.controller.config
+            self._wheel_targets = config.of_wheels((0.0, 0.0))
+            self._body.set_speeds((*self._wheel_targets, *[0.0] * (len(config.motors) - len(self._wheel_targets))))
 
     def reconfigure(self, now: int) -> None:
         if not self._parameters.update():
@@ -319,17 +328,8 @@ class BaseActuation:
 
     def _wheel_speeds(self) -> tuple[float, float]:
         """How fast the wheels of the left and of the right turn on average, rad/s."""
-        config = self.controller.config
         speeds = dict(zip(self._body.joints, self._body.joint_readings().velocity, strict=True))
-        left, right = (
-            sum(speeds[each] for each in side) / len(side) for side in (config.left_joints, config.right_joints)
-        )
-        return left, right
-
-    def _of_wheels(self, sides: tuple[float, float]) -> tuple[float, ...]:
-        """A figure of each wheel, from those of the two sides."""
-        config = self.controller.config
-        return (sides[0],) * len(config.left_joints) + (sides[1],) * len(config.right_joints)
+        return self.controller.config.of_sides(speeds)
 
 
 class JointActuation:

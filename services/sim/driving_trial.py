@@ -7,7 +7,7 @@ simulation drives it: one step of the drive before each physics step.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -15,9 +15,10 @@ from messages.se2 import Pose2
 from messages.se3 import rotate_inverse
 from services.runtime.step import STEP_NS
 from services.sim.drive.driver import AT_REST, Drive, DriveState, commanded_velocity, step_drive, wheel_speeds
-from services.sim.drive.odometry import OdometryState, initial_odometry, integrate_encoders
+from services.sim.drive.odometry import OdometryState, initial_odometry, integrate_arc, integrate_encoders
 from services.sim.drive.planar_velocity import set_planar_velocity
 from services.sim.drive.side_grip import SideGrip
+from services.sim.drive.steering import SteeringServo
 from services.sim.physics.world import BodyState, World
 
 DT = STEP_NS / 1e9
@@ -47,15 +48,16 @@ def turned(states: Sequence[BodyState]) -> float:
 
 @dataclass
 class DrivenRobot:
-    """A base under constant commands. ``wheels`` are the numbers of its motors on the left and on the right;
-    ``side_grip`` is there for one that skids."""
+    """A base under constant commands. ``of_wheels`` gives the speeds of its motors from those of the left and of the
+    right; ``side_grip`` is there for one that skids, ``servo`` for one that is steered."""
 
     world: World
     name: str
     drive: Drive
     state: DriveState = field(default=AT_REST)
-    wheels: tuple[int, int] = (1, 1)
+    of_wheels: Callable[[tuple[float, float]], Sequence[float]] = tuple
     side_grip: SideGrip | None = None
+    servo: SteeringServo | None = None
 
     def set(self, v: float, w: float, *, vy: float = 0.0, braking: bool = False) -> None:
         """Command it for the next physics step."""
@@ -63,11 +65,13 @@ class DrivenRobot:
         if self.drive.holonomic:
             self.state = after
             set_planar_velocity(self.world.body(self.name), after.v, after.vy, after.w)
+        elif self.servo is not None:
+            self.state = after
+            wheels = self.of_wheels(wheel_speeds(self.drive, after))
+            self.world.body(self.name).set_speeds((*wheels, *self.servo.speeds(after.steer)))
         elif after is not self.state:
             self.state = after
-            left, right = wheel_speeds(self.drive, after)
-            speeds = (left,) * self.wheels[0] + (right,) * self.wheels[1]
-            self.world.body(self.name).set_speeds(speeds)
+            self.world.body(self.name).set_speeds(self.of_wheels(wheel_speeds(self.drive, after)))
         if self.side_grip is not None:
             self.side_grip.step()
 
@@ -116,12 +120,8 @@ class Manoeuvre:
         return self.did / self.told - 1 if self.told else 0.0
 
 
-@dataclass(frozen=True)
-class Encoders:
-    """The wheels that are counted, by their joints."""
-
-    left: tuple[str, ...]
-    right: tuple[str, ...]
+Encoders = Callable[[Mapping[str, float]], tuple[float, float]]
+"""The mean angles of the wheels of the left and of the right, from those of the joints by their names."""
 
 
 def drive_straight(robot: DrivenRobot, distance: float, speed: float, encoders: Encoders | None = None) -> Manoeuvre:
@@ -139,16 +139,21 @@ def turn_on_the_spot(robot: DrivenRobot, angle: float, rate: float, encoders: En
     return _manoeuvre(robot, angle, (0.0, 0.0, rate), encoders)
 
 
+def drive_circle(robot: DrivenRobot, angle: float, speed: float, rate: float, encoders: Encoders) -> Manoeuvre:
+    """Turn to the left on a circle from rest to rest; ``aside`` is how far it ends from where the command leads."""
+    return _manoeuvre(robot, angle, (speed, 0.0, rate), encoders)
+
+
 def _manoeuvre(
     robot: DrivenRobot, amount: float, velocity: tuple[float, float, float], encoders: Encoders | None
 ) -> Manoeuvre:
     """Command a velocity until the limited command, with the way to a stop, comes to ``amount``."""
-    axis = next(each for each in range(3) if velocity[each])
+    axis = max(each for each in range(3) if velocity[each])
     body = robot.world.body(robot.name)
     drive_robots([robot], 0.0, 0.0, SETTLE_S)
     states, counter = [body.state()], _Counter(robot, encoders)
     told = stopping = 0.0
-    going = True
+    going, led = True, Pose2(0.0, 0.0, 0.0)
     for _ in range(round(SLOWEST / DT)):
         before = robot.velocity[axis]
         command = velocity if going else (0.0, 0.0, 0.0)
@@ -158,6 +163,7 @@ def _manoeuvre(
         counter.update()
         now = robot.velocity[axis]
         told += now * DT
+        led = integrate_arc(*led, robot.velocity[0] * DT, robot.velocity[2] * DT)
         if going:
             stopping = _way_to_stop(robot, axis)
             going = told + stopping < amount
@@ -170,7 +176,7 @@ def _manoeuvre(
     ahead, left, _ = rotate_inverse(start.orientation, (dx, dy, dz))
     turn = turned(states)
     did = (ahead, left, turn)[axis]
-    aside = math.hypot(ahead, left) if axis == 2 else abs((left, ahead)[axis])
+    aside = math.hypot(ahead - led.x, left - led.y) if axis == 2 else abs((left, ahead)[axis])
     upright = tilt_of(start)
     return Manoeuvre(
         told=told,
@@ -221,10 +227,7 @@ class _Counter:
         assert self._encoders is not None
         body = self._robot.world.body(self._robot.name)
         angles = dict(zip(body.joints, body.joint_readings().position, strict=True))
-        left, right = (
-            sum(angles[each] for each in side) / len(side) for side in (self._encoders.left, self._encoders.right)
-        )
-        return left, right
+        return self._encoders(angles)
 
 
 @dataclass(frozen=True)

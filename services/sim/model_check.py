@@ -12,7 +12,6 @@ from messages.se3 import Pose3
 from models import physics_urdf_path
 from models.gazebo_tags import GazeboTags, Transmission, parse_gazebo_tags
 from models.inertia_check import inertia_doubt, inertia_fault
-from models.inferred import read_wheel, turns_for_ever
 from models.mesh import Mesh, read_mesh
 from models.model import RobotModel, read_model
 from models.robot_cache import is_made
@@ -20,16 +19,18 @@ from models.robot_facts import RobotFacts, read_facts
 from models.robot_source import RobotSource, resolve_robot
 from models.shapes import LinkShapes, read_shapes
 from models.urdf import Joint, Link, RobotDescription, parse_urdf, parse_xml, read_urdf
+from models.wheels import read_wheel, turns_for_ever
 from models.world import WorldDescription
 from models.xacro_file import XacroValue
 from services.runtime.step import STEP_NS
 from services.sim.adaptation import AdaptedBody, adapt_body
 from services.sim.drive.config import DriveConfig, robot_config
+from services.sim.drive.steering import SteeringServo
 from services.sim.driving_trial import (
     DrivenRobot,
-    Encoders,
     JointTrial,
     Manoeuvre,
+    drive_circle,
     drive_sideways,
     drive_straight,
     shake_joints,
@@ -265,7 +266,7 @@ def _base(robot: _Robot) -> BaseFacts | None:
     radii = [each.radius for side in sides for each in side]
     left, right = (sum(each.place[1] for each in side) / len(side) for side in sides)
     return BaseFacts(
-        "differential" if len(settings.left_joints) == 1 else "skid steer",
+        "steered" if model.wheels.steering else "differential" if len(settings.left_joints) == 1 else "skid steer",
         settings.left_joints,
         settings.right_joints,
         radius=settings.geometry.left_radius,
@@ -310,6 +311,8 @@ def _sensors(model: RobotModel) -> Iterator[SensorFacts]:
 def _joints(robot: _Robot) -> Iterator[JointFacts]:
     model = robot.model
     driven = {*model.wheels.left_joints, *model.wheels.right_joints} if model.wheels is not None else set()
+    steering = model.wheels.steering if model.wheels is not None else None
+    steered = {each.joint for each in steering.wheels} if steering is not None else set()
     interfaces: dict[str, list[str]] = {}
     for transmission in robot.tags.transmissions:
         for name in transmission.joints:
@@ -320,6 +323,8 @@ def _joints(robot: _Robot) -> Iterator[JointFacts]:
         limits = joint.limits
         if joint.name in driven:
             role = "wheel"
+        elif joint.name in steered:
+            role = "steering"
         elif joint.mimic is not None:
             role = f"follows {joint.mimic.joint}"
         elif joint.name in interfaces:
@@ -376,21 +381,27 @@ def _with_trials(check: ModelCheck, robot: _Robot) -> ModelCheck:
 
 
 def _body(robot: _Robot, motors: tuple[Motor, ...], fixed: bool = False) -> AdaptedBody:
-    urdf = physics_urdf_path(robot.source.model)
-    return adapt_body(Body("robot", urdf, Pose3(), motors, robot.model.fixed_base or fixed), robot.source.model)
+    urdf, pose = physics_urdf_path(robot.source.model), Pose3((0.0, 0.0, robot.facts.height))
+    return adapt_body(Body("robot", urdf, pose, motors, robot.model.fixed_base or fixed), robot.source.model)
 
 
 def driven_robot(world: World, body: AdaptedBody, settings: DriveConfig) -> DrivenRobot:
     """A robot that is spawned to be driven."""
     handle = world.spawn(body.body)
-    wheels = len(settings.left_joints), len(settings.right_joints)
-    return DrivenRobot(world, body.body.name, settings.drive, wheels=wheels, side_grip=body.side_grip(handle))
+    steering = settings.drive.steering
+    return DrivenRobot(
+        world,
+        body.body.name,
+        settings.drive,
+        of_wheels=settings.of_wheels,
+        side_grip=body.side_grip(handle),
+        servo=None if steering is None else SteeringServo(handle, steering),
+    )
 
 
 def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[TrialFacts]:
-    joints = (*settings.left_joints, *settings.right_joints)
-    motors = tuple(Motor(each, settings.torque) for each in joints)
-    encoders = Encoders(settings.left_joints, settings.right_joints) if joints else None
+    motors, steering = settings.motors, settings.drive.steering
+    encoders = settings.of_sides if motors else None
     base = robot.model.wheels or robot.model.planar
     assert base is not None
     speed, rate = min(base.max_linear, 0.5), min(base.max_angular, 1.0)
@@ -404,6 +415,13 @@ def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[
         yield _straight("1 m straight", drive_straight(fresh(), 1.0, speed, encoders))
         if robot.model.planar is not None:
             yield _straight("1 m sideways", drive_sideways(fresh(), 1.0, speed))
+        if steering is not None:
+            k = 0.7 * steering.curvature(steering.max_angle)
+            speed = min(speed, rate / k)
+            circle = drive_circle(fresh(), math.tau, speed, speed * k, settings.of_sides)
+            # What turns by so much less ends that share of the way from where it began.
+            yield _turn(circle, "360 deg on a circle", max(DRIFT, TURN * math.tau / k))
+            return
         spin = turn_on_the_spot(fresh(), math.tau, rate, encoders)
         yield _turn(spin)
         if spin.did > 0.1 and abs(spin.error) > 0.01 and robot.model.wheels is not None:
@@ -423,12 +441,12 @@ def _straight(name: str, done: Manoeuvre) -> TrialFacts:
     return TrialFacts(name, "m", done.told, done.did, done.error, remark + _tilt(done), ok, done.counted)
 
 
-def _turn(done: Manoeuvre) -> TrialFacts:
+def _turn(done: Manoeuvre, name: str = "360 deg on the spot", drift: float = DRIFT) -> TrialFacts:
     told, did = math.degrees(done.told), math.degrees(done.did)
-    ok = abs(done.error) <= TURN and done.aside <= DRIFT and done.tilt <= TILT and told > 350
+    ok = abs(done.error) <= TURN and done.aside <= drift and done.tilt <= TILT and told > 350
     counted = None if done.counted is None else math.degrees(done.counted)
     remark = f"{1000 * done.aside:.1f} mm off the spot"
-    return TrialFacts("360 deg on the spot", "deg", told, did, done.error, remark + _tilt(done), ok, counted)
+    return TrialFacts(name, "deg", told, did, done.error, remark + _tilt(done), ok, counted)
 
 
 def _tilt(done: Manoeuvre) -> str:
@@ -453,11 +471,9 @@ def _shake(robot: _Robot) -> Iterator[TrialFacts]:
     moves = {each.name: move for each in chosen if (move := _move(each))}
     units = {each.name: "m" if each.kind == "prismatic" else "rad" for each in chosen}
     with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
+        # In the air: what it stands on would be in the way.
         body = _body(robot, motors, fixed=True).body
-        if not model.fixed_base:
-            # In the air: what it stands on would be in the way.
-            body = replace(body, pose=Pose3((0.0, 0.0, LIFT + robot.facts.height)))
-        world.spawn(body)
+        world.spawn(replace(body, pose=Pose3((0.0, 0.0, LIFT + robot.facts.height))))
         for trial in shake_joints(world, "robot", [each.joint for each in motors], moves):
             yield _joint_trial(trial, units[trial.joint])
 

@@ -129,14 +129,17 @@ class RobotLoader:
 
 
 def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
-    """The pose of a robot's root, raised so far that an upright robot from outside does not reach below ``ground`` [m].
+    """The pose of a robot's root, raised so far that an upright robot from outside does not reach below ``ground`` [m],
+    or lowered from the ground so far that it does not fall on it.
 
-    The root of a robot of ``models/`` is on the ground; the roots of others often are at the height of their axles.
+    The root of a robot of ``models/`` is on the ground; the roots of others often are at the height of their axles, or
+    a few millimetres below their wheels.
     """
     if not is_made(model) or read_model(model).fixed_base or max(map(abs, pose.rpy[:2])) > UPRIGHT:
         return pose
     x, y, z = pose.position
-    return pose._replace(position=(x, y, max(z, ground + read_facts(model).height)))
+    standing = ground + read_facts(model).height
+    return pose._replace(position=(x, y, z if z > max(standing, ground) else standing))
 
 
 def _label(model: str) -> str:

@@ -118,7 +118,7 @@ class Simulation:
         """Add a robot; raises BadInput when its name, namespace or frames are taken or wrong, or it would overlap
         with something.
 
-        A robot from outside whose root lies above the ground is put so high that it stands on it. What is stopped by
+        A robot from outside is put so high that it stands on the ground, wherever its root lies. What is stopped by
         its name, or while all are, is so from the start. With ``wait`` it starts on the parameters
         that the parameter service has for it, else they come a moment later.
         """

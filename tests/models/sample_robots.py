@@ -35,6 +35,32 @@ def robot(*content: str, name: str = "sample") -> str:
     return f'<?xml version="1.0"?>\n<robot name="{name}">\n{"".join(content)}</robot>\n'
 
 
+INERTIAL_OF_BASE = (
+    '<inertial><origin xyz="0 0 0.08"/><mass value="3"/>'
+    '<inertia ixx="0.011" iyy="0.024" izz="0.033" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+ACROSS = '<axis xyz="0 1 0"/>'
+
+
+def car(front: Sequence[float], limit: str = '<limit lower="-0.5" upper="0.5" effort="20" velocity="3"/>') -> str:
+    """A car with a driven rear axle and a wheel on a steering joint at each of the ``front`` offsets to the left."""
+    wheel = inertial(0.5, 1e-3), shape("collision", '<cylinder radius="0.1" length="0.05"/>', rpy="1.5707963 0 0")
+    parts = [link("base_link", INERTIAL_OF_BASE, shape("collision", '<box size="0.5 0.2 0.1"/>', "0.2 0 0.15"))]
+    for side, y in (("left", 0.2), ("right", -0.2)):
+        origin = f'<origin xyz="0 {y} 0.1"/>'
+        parts += [joint(f"rear_{side}", "continuous", "base_link", f"{side}_wheel", origin, ACROSS)]
+        parts += [link(f"{side}_wheel", *wheel)]
+    for number, y in enumerate(front):
+        # The second one turns to the right, as some are mounted.
+        axis = f'<axis xyz="0 0 {-1 if number else 1}"/>'
+        kingpin, rim = f"kingpin_{number}", f"front_wheel_{number}"
+        origin = f'<origin xyz="0.4 {y} 0.1"/>'
+        parts += [joint(f"steer_{number}", "revolute", "base_link", kingpin, origin, axis, limit)]
+        parts += [link(kingpin, inertial(0.2, 1e-3)), joint(f"front_{number}", "continuous", kingpin, rim, ACROSS)]
+        parts += [link(rim, *wheel)]
+    return robot(*parts, name="car")
+
+
 def write(path: Path, text: str) -> Path:
     """Write a file with its folders; return it."""
     path.parent.mkdir(parents=True, exist_ok=True)

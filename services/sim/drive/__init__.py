@@ -7,6 +7,7 @@
 ``planar_velocity``  the velocity of a holonomic base, set as it is commanded
 ``limiter``     jerk, acceleration and velocity limits of one axis, and the ramp of the wheels
 ``kinematics``  wheel separation and radii, wheel speeds and base speeds
+``steering``    the wheels that a car is steered by
 ``odometry``    from wheel angles or commands back to a pose
 ``side_grip``   what keeps a base that skids from sliding sideways
 ``pid``         from wheel speeds to torques

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, Literal
 
@@ -20,7 +21,9 @@ from services.runtime.parameters.validation import build
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry, describe_mismatch
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, braking_limits
+from services.sim.drive.steering import Steering
 from services.sim.parameters import AxisParameters, BaseParameters, PidParameters
+from services.sim.physics.world import Motor
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ NO_TIMEOUT = (
 class DriveConfig:
     """Everything that a base driver is set to. ``geometry`` is without multipliers; ``drive`` has those of ``live``.
 
-    The wheels of one side turn alike; a holonomic base drives none.
+    The wheels of one side turn alike, ``reversed`` ones the other way round; a holonomic base drives none.
     """
 
     left_joints: tuple[str, ...]
@@ -68,6 +71,28 @@ class DriveConfig:
     stamped: bool
     publish_cmd: bool
     warnings: tuple[str, ...] = ()
+    reversed: tuple[str, ...] = ()
+    steering_torque: float = 0.0
+
+    @property
+    def motors(self) -> tuple[Motor, ...]:
+        """Those of the wheels, of the left first, and of the steered ones."""
+        wheels = tuple(Motor(joint, self.torque) for joint in (*self.left_joints, *self.right_joints))
+        steering = self.drive.steering
+        steered = () if steering is None else tuple(Motor(each.joint, self.steering_torque) for each in steering.wheels)
+        return wheels + steered
+
+    def of_wheels(self, sides: tuple[float, float]) -> tuple[float, ...]:
+        """A figure of each driven wheel, those of the left first, from the ones of the two sides."""
+        figures = (sides[0],) * len(self.left_joints) + (sides[1],) * len(self.right_joints)
+        if not self.reversed:
+            return figures
+        joints = (*self.left_joints, *self.right_joints)
+        return tuple(-each if joint in self.reversed else each for joint, each in zip(joints, figures, strict=True))
+
+    def of_sides(self, by_joint: Mapping[str, float]) -> tuple[float, float]:
+        """The mean figures of the two sides, positive ahead, from those of the joints."""
+        return _mean_of(by_joint, self.left_joints, self.reversed), _mean_of(by_joint, self.right_joints, self.reversed)
 
 
 @dataclass(frozen=True)
@@ -107,7 +132,7 @@ def with_model_defaults(model: RobotModel, parameters: BaseParameters) -> BasePa
     if base is None:
         return parameters
     defaults: dict[str, Any] = {
-        "ramp": "base" if wheels is None else "wheels",
+        "ramp": "base" if wheels is None or wheels.steering is not None else "wheels",
         "jerk_rule": "ros2",
         "keep_curvature": False,
         "brake": base.brake,
@@ -206,6 +231,8 @@ def drive_config(name: str, model: RobotModel, parameters: BaseParameters) -> Dr
             *idle,
             *([] if parameters.cmd_vel_timeout else [NO_TIMEOUT]),
         ),
+        reversed=wheels.reversed,
+        steering_torque=0.0 if wheels.steering is None else wheels.steering.torque,
         **common,
     )
 
@@ -215,16 +242,7 @@ def apply_multipliers(drive: Drive, geometry: WheelGeometry, live: LiveParameter
     made = geometry.scaled(
         live.wheel_separation_multiplier, live.left_wheel_radius_multiplier, live.right_wheel_radius_multiplier
     )
-    return Drive(
-        made,
-        drive.linear,
-        drive.angular,
-        drive.stop_linear,
-        drive.stop_angular,
-        drive.ramp,
-        drive.keep_curvature,
-        drive.holonomic,
-    )
+    return replace(drive, geometry=made)
 
 
 def _live_parameters(model: RobotModel, parameters: BaseParameters) -> LiveParameters:
@@ -241,6 +259,8 @@ def _live_parameters(model: RobotModel, parameters: BaseParameters) -> LiveParam
 
 def _drive(wheels: WheelConfig, parameters: BaseParameters, geometry: WheelGeometry) -> Drive:
     of_base = parameters.ramp == "base"
+    if wheels.steering is not None and (not of_base or parameters.wheel_pid is not None):
+        raise BadInput('a base with steered wheels drives as a whole: ramp = "wheels" and wheel_pid are for others')
     around = geometry.separation / 2
     rise = wheels.acceleration if of_base else None
     fastest = (wheels.max_linear, wheels.max_angular) if parameters.clamp else (None, None)
@@ -264,7 +284,9 @@ def _drive(wheels: WheelConfig, parameters: BaseParameters, geometry: WheelGeome
             keep,
         )
     stop_angular = braking_limits(angular, parameters.brake_angular or brake / around)
-    return Drive(geometry, linear, angular, braking_limits(linear, brake), stop_angular, NO_RAMP, keep)
+    steering = None if wheels.steering is None else Steering.of(wheels.steering)
+    stop_linear = braking_limits(linear, brake)
+    return Drive(geometry, linear, angular, stop_linear, stop_angular, NO_RAMP, keep, steering=steering)
 
 
 def _planar_drive(planar: PlanarConfig, parameters: BaseParameters, geometry: WheelGeometry) -> Drive:
@@ -311,6 +333,13 @@ def _check_sides(pair: WheelPair, left: str, right: str, allowed: bool) -> list[
     if not allowed:
         raise BadInput(f"{text}. Exchange the two names, or set allow_swapped_wheels = true to drive so on purpose")
     return [text]
+
+
+def _mean_of(by_joint: Mapping[str, float], joints: tuple[str, ...], turned: tuple[str, ...]) -> float:
+    total = 0.0
+    for each in joints:  # sum() rounds otherwise from Python 3.12 on
+        total += -by_joint[each] if each in turned else by_joint[each]
+    return total / len(joints)
 
 
 def _merged(ours: Any, stated: Any) -> Any:

@@ -131,6 +131,11 @@ class DiffDriveController:
         self.idle_until, self._force_update = _NOT_IDLE, True
 
     @property
+    def steer(self) -> float:
+        """The angle of steered wheels, of one in their middle, rad."""
+        return self._state.steer
+
+    @property
     def planar_velocity(self) -> tuple[float, float, float]:
         """The limited command of a holonomic base: forwards and sideways [m/s], turning [rad/s]."""
         return self._state.v, self._state.vy, self._state.w

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from models.model import WheelConfig
 from services.sim.drive.kinematics import WheelGeometry, body_velocity, rim_speeds
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, limit, ramp_wheels
+from services.sim.drive.steering import Steering
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,8 @@ class Drive:
 
     ``stop_linear`` and ``stop_angular`` replace the limits while the base brakes, after a time-out or an emergency
     stop. ``keep_curvature`` slows both axes together, so that a limited command bends as the wanted one does. A
-    ``holonomic`` base moves sideways, too, within the limits of ``linear``; others cannot.
+    ``holonomic`` base moves sideways, too, within the limits of ``linear``; others cannot. One with ``steering`` turns
+    as its steered wheels stand, and only while it drives.
     """
 
     geometry: WheelGeometry
@@ -32,6 +34,7 @@ class Drive:
     ramp: WheelRamp = NO_RAMP
     keep_curvature: bool = False
     holonomic: bool = False
+    steering: Steering | None = None
 
     @classmethod
     def of(cls, wheels: WheelConfig, *, clamp: bool = True, jump: float = 0.0) -> Drive:
@@ -46,8 +49,8 @@ class Drive:
 
 
 class DriveState(NamedTuple):
-    """The limited command (m/s, rad/s), for jerk limits the one of the step before, the speeds of the rims, m/s, and
-    the limited command sideways, m/s."""
+    """The limited command (m/s, rad/s), for jerk limits the one of the step before, the speeds of the rims, m/s, the
+    limited command sideways, m/s, and the angle of steered wheels, rad."""
 
     v: float = 0.0
     w: float = 0.0
@@ -56,6 +59,7 @@ class DriveState(NamedTuple):
     left: float = 0.0
     right: float = 0.0
     vy: float = 0.0
+    steer: float = 0.0
 
 
 AT_REST = DriveState()
@@ -70,6 +74,8 @@ def step_drive(
 
     Each axis is limited by itself. ``braking`` replaces the command by a standstill. 2 us; 6 with all limits.
     """
+    if drive.steering is not None:
+        return _step_steered(drive, drive.steering, state, v, w, braking, dt)
     linear, angular = drive.linear, drive.angular
     if braking:
         v = w = vy = 0.0
@@ -85,6 +91,23 @@ def step_drive(
     had_v, had_w = state.v if linear.limits_jerk else after_v, state.w if angular.limits_jerk else after_w
     sideways = limit(linear, vy, state.vy, state.vy, dt) if drive.holonomic else 0.0
     after = DriveState(after_v, after_w, had_v, had_w, *rims, sideways)
+    return state if after == state else after
+
+
+def _step_steered(
+    drive: Drive, steering: Steering, state: DriveState, v: float, w: float, braking: bool, dt: float
+) -> DriveState:
+    """As ``step_drive``, for a base that turns by its steered wheels: w = v tan(angle) / wheelbase."""
+    if braking:
+        v = w = 0.0
+    linear = drive.stop_linear if braking else drive.linear
+    after_v = limit(linear, v, state.v, state.v_before, dt)
+    w = max(drive.angular.min_velocity, min(drive.angular.max_velocity, w))
+    steer = steering.toward(steering.goal(v, w, state.steer), state.steer, dt)
+    after_w = after_v * steering.curvature(steer)
+    rims = rim_speeds(drive.geometry, after_v, after_w)
+    had_v = state.v if linear.limits_jerk else after_v
+    after = DriveState(after_v, after_w, had_v, after_w, *rims, 0.0, steer)
     return state if after == state else after
 
 

@@ -212,8 +212,11 @@ class Odometer:
         """A drive, and what its wheels are taken for."""
         self.reconfigure(settings)
         if controller is not None:
-            sides = controller.config.left_joints, controller.config.right_joints
-            self._left, self._right = (tuple(body.joints.index(joint) for joint in side) for side in sides)
+            config = controller.config
+            self._left, self._right = (
+                tuple((body.joints.index(joint), -1.0 if joint in config.reversed else 1.0) for joint in side)
+                for side in (config.left_joints, config.right_joints)
+            )
         self._slot: int | None = None
         self.reset()
 
@@ -296,8 +299,9 @@ class Odometer:
         return _mean(angles, self._left), _mean(angles, self._right)
 
 
-def _mean(values: Sequence[float], chosen: tuple[int, ...]) -> float:
+def _mean(values: Sequence[float], chosen: tuple[tuple[int, float], ...]) -> float:
+    """The mean of the chosen ones, each by its index and its sign."""
     total = 0.0
-    for each in chosen:  # sum() rounds otherwise from Python 3.12 on
-        total += values[each]
+    for index, sign in chosen:  # sum() rounds otherwise from Python 3.12 on
+        total += values[index] * sign
     return total / len(chosen)

@@ -11,9 +11,11 @@ import pytest
 from click.testing import CliRunner
 
 from deploy.commands.model import command
+from services.sim import model_check
+from services.sim.engines import ENGINES, Engine, has_engine
 from services.sim.model_check import ModelCheck, check_model
 from tests.models import robots
-from tests.models.sample_robots import inertial
+from tests.models.sample_robots import ACROSS, INERTIAL_OF_BASE, car, inertial, joint, link, robot, shape, write
 
 pytestmark = pytest.mark.slow
 
@@ -131,6 +133,106 @@ def test_wheels_without_a_tag_are_found_by_their_shapes(tmp_path: Path, check: C
     assert found.base.separation == pytest.approx(0.3)
     assert "no tag names a drive" in found.notes[-1]
     assert found.ok, found
+
+
+def wheeled(mount: str, *more: str) -> str:
+    """A robot on two wheels, as mirrored copies of one, and on two skids; ``mount`` is the kind of the joints that its
+    wheels hang on, and its root is 5 mm below their lowest points."""
+    base = link("base_link", INERTIAL_OF_BASE, shape("collision", '<box size="0.3 0.2 0.05"/>', "0 0 0.1"))
+    parts = [base, *more]
+    for side, y, turn in (("left", 0.15, "0"), ("right", -0.15, "3.14159265")):
+        limit = '<limit lower="0" upper="0.03" effort="0" velocity="0"/>'
+        parts += [
+            joint(f"{side}_drop", mount, "base_link", f"{side}_mount", f'<origin xyz="0 {y} 0.055"/>', DOWN, limit),
+            link(f"{side}_mount", inertial(0.05, 1e-5)),
+            joint(
+                f"{side}_joint", "continuous", f"{side}_mount", f"{side}_wheel", f'<origin rpy="{turn} 0 0"/>', ACROSS
+            ),
+            link(f"{side}_wheel", inertial(0.3, 2e-4), shape("collision", WHEEL, rpy="1.5707963 0 0")),
+        ]
+    for name, x in (("fore", 0.12), ("aft", -0.12)):
+        parts += [
+            joint(f"{name}_joint", "fixed", "base_link", name, f'<origin xyz="{x} 0 0.025"/>'),
+            link(name, inertial(0.05, 1e-5), shape("collision", '<sphere radius="0.02"/>')),
+        ]
+    return robot(*parts)
+
+
+WHEEL = '<cylinder radius="0.05" length="0.02"/>'
+DOWN = '<axis xyz="0 0 -1"/>'
+
+
+def test_wheels_in_mirror_image_turn_opposite_ways_to_drive_ahead(tmp_path: Path, check: Checker) -> None:
+    found = check_model(str(write(tmp_path / "mirrored.urdf", wheeled("fixed"))), tmp_path)
+    assert "these turn backwards to drive ahead, as their axes say: right_joint" in found.notes
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 2e-3
+    straight, turn = found.trials
+    assert straight.counted == pytest.approx(1.0, rel=5e-3), "they count it as the way ahead"
+    assert turn.counted == pytest.approx(turn.did, rel=5e-3)
+
+
+def test_the_ground_is_not_in_the_way_of_an_arm_that_stands_on_it(tmp_path: Path, check: Checker) -> None:
+    rod = shape("collision", '<box size="0.6 0.04 0.04"/>', "0.4 0 0")
+    low = robot(
+        link("world"),
+        joint("mount", "fixed", "world", "stand"),
+        link("stand", inertial(2.0)),
+        joint(
+            "shoulder",
+            "revolute",
+            "stand",
+            "rod",
+            '<origin xyz="0 0 0.1"/>',
+            ACROSS,
+            '<limit lower="-1" upper="1" effort="50" velocity="2"/>',
+        ),
+        link("rod", inertial(0.5, 0.02), rod),
+    )
+    found = check_model(str(write(tmp_path / "low.urdf", low)), tmp_path)
+    assert found.fixed_base
+    assert [each.name for each in found.trials] == ["shoulder"]
+    assert found.ok, found
+
+
+def test_wheels_on_springs_drive(tmp_path: Path, check: Checker) -> None:
+    found = check_model(str(write(tmp_path / "sprung.urdf", wheeled("prismatic"))), tmp_path)
+    assert found.base is not None
+    assert (found.base.left_joints, found.base.right_joints) == (("left_joint",), ("right_joint",))
+    assert found.notes[-1] == "suspensions of wheels, which are fixed since no spring acts here: left_drop, right_drop"
+    assert [each.name for each in found.joints] == ["left_joint", "right_joint"], "the drops are fixed for everybody"
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 2e-3
+
+
+@pytest.mark.parametrize("front", [(0.2, -0.2), (0.0,)], ids=["car", "tricycle"])
+@pytest.mark.parametrize("engine", [each for each in ENGINES if has_engine(each)])
+def test_steered_wheels_lead_around_a_circle(
+    tmp_path: Path, check: Checker, monkeypatch: pytest.MonkeyPatch, engine: Engine, front: tuple[float, ...]
+) -> None:
+    monkeypatch.setattr(model_check, "default_engine", lambda: engine)
+    found = check_model(str(write(tmp_path / "car.urdf", car(front))), tmp_path)
+    assert found.base is not None
+    assert (found.base.kind, found.base.left_joints, found.base.right_joints) == (
+        "steered",
+        ("rear_left",),
+        ("rear_right",),
+    )
+    assert [each.name for each in found.joints if each.role == "steering"] == [f"steer_{n}" for n in range(len(front))]
+    straight, circle = found.trials[:2]
+    assert (straight.name, circle.name) == ("1 m straight", "360 deg on a circle")
+    assert found.ok, found
+    assert max(abs(straight.error), abs(circle.error)) < 5e-3
+    assert circle.counted == pytest.approx(circle.did, rel=1e-2), "its rear wheels count the turn"
+
+
+def test_a_caster_does_not_steer(tmp_path: Path, check: Checker) -> None:
+    trailing = car((0.0,)).replace(
+        '<child link="front_wheel_0"/>', '<child link="front_wheel_0"/><origin xyz="-0.05 0 0"/>'
+    )
+    found = check_model(str(write(tmp_path / "caster.urdf", trailing)), tmp_path, drive=False)
+    assert found.base is not None
+    assert found.base.kind == "differential"
 
 
 def test_tyres_on_hubs_drive(tmp_path: Path, check: Checker) -> None:

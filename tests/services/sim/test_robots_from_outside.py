@@ -139,6 +139,14 @@ def test_a_root_whose_mass_is_elsewhere_is_where_it_is_put(tmp_path: Path) -> No
         assert body.state().position == pytest.approx(pose.position, abs=1e-9)
 
 
+def test_a_root_below_the_wheels_does_not_fall(tmp_path: Path) -> None:
+    raised = ARMED.replace('<origin xyz="0 0 0"', '<origin xyz="0 0 0.06"', 1)
+    model = resolve_robot(str(write(tmp_path / "r.urdf", raised)), tmp_path).model
+    assert on_the_ground(model, Pose3()).position[2] == pytest.approx(-0.01)
+    assert on_the_ground(model, Pose3(), 0.5).position[2] == pytest.approx(0.49), "nor on a ramp"
+    assert on_the_ground(model, Pose3((0.0, 0.0, 0.2))).position[2] == 0.2, "as it is told"
+
+
 def test_damping_beyond_what_a_step_carries_drives_nothing(tmp_path: Path) -> None:
     path = write(tmp_path / "r.urdf", ARMED.replace("</joint>", '<dynamics damping="50"/></joint>'))
     model = resolve_robot(str(path), tmp_path).model

@@ -11,11 +11,13 @@ from messages.geometry import Twist, Vector3
 from messages.se3 import Pose3
 from messages.sensor import Imu, LaserScan
 from messages.topics import CMD_VEL, GROUND_TRUTH, IMU, ODOM, SCAN
+from models.model import read_model
 from models.robot_source import resolve_robot
 from services.runtime.errors import BadInput
 from services.sim.engines import ENGINES, Engine, has_engine
 from services.sim.robot_loader import on_the_ground
 from tests.models import robots
+from tests.models.sample_robots import car, write
 from tests.services.sim.drive.simulation_harness import SimulationHarness, run_simulation
 
 FOLDER = Path(robots.__file__).parent
@@ -78,6 +80,40 @@ def test_a_skid_steer_obeys_the_name_of_its_tag_and_ours() -> None:
             pose = on.latest(GROUND_TRUTH).pose.pose.orientation
             assert 2 * math.atan2(pose.z, pose.w) == pytest.approx(heading, abs=0.05), "1 s, and the time-out"
         assert on.received(ODOM.named("base/odom"))[-1] == on.latest(ODOM)
+
+
+def test_wheels_in_mirror_image_are_driven_and_counted_ahead(tmp_path: Path) -> None:
+    text = (FOLDER / "courier.urdf").read_text()
+    right = text[text.index('<joint name="right_wheel_joint"') :]
+    bare = text.replace(right, right.replace('<axis xyz="0 0 -1"/>', '<axis xyz="0 0 1"/>', 1))
+    own = tmp_path / "mirrored.urdf"
+    own.write_text(bare[: bare.index("  <gazebo")] + "</robot>")
+    model = resolve_robot(str(own), tmp_path).model
+    wheels = read_model(model).wheels
+    assert wheels is not None
+    assert wheels.reversed == ("right_wheel_joint",)
+    for gains in ({}, {"wheel_pid": {"p": 2.0}}):
+        with run_simulation(model, on_the_ground(model, Pose3()), **gains) as on:
+            on.drive(0.3, 0.0, 2.0)
+            truth = position(on)
+            assert truth == pytest.approx((0.55, 0.0), abs=0.05), gains
+            counted = on.latest(ODOM).pose.pose.position
+            assert (counted.x, counted.y) == pytest.approx(truth, abs=0.01), gains
+
+
+def test_a_car_turns_as_commanded_and_counts_it(tmp_path: Path) -> None:
+    model = resolve_robot(str(write(tmp_path / "car.urdf", car((0.2, -0.2)))), tmp_path).model
+    with run_simulation(model, on_the_ground(model, Pose3())) as on:
+        on.drive(0.3, 0.15, 4.0)
+        twist = on.latest(GROUND_TRUTH).twist.twist
+        assert (twist.linear.x, twist.angular.z) == pytest.approx((0.3, 0.15), abs=0.01)
+        counted = on.latest(ODOM).pose.pose.position
+        assert (counted.x, counted.y) == pytest.approx(position(on), abs=0.02)
+        assert position(on)[1] > 0.05, "to the left"
+        on.drive(0.0, 0.5, 2.0)
+        stood = position(on)
+        on.drive(0.0, 0.5, 1.0)
+        assert position(on) == pytest.approx(stood, abs=1e-3), "no car turns on the spot"
 
 
 def test_the_sensors_of_tags_are_where_their_links_are() -> None:
