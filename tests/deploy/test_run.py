@@ -11,10 +11,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import psutil
 import pytest
 
 from deploy import INTERRUPTED
+from deploy.fleet_file import read_fleet
+from deploy.run_fleet import RunResult, reason_unmeasured
+from deploy.supervisor.supervisor import Outcome
 from services.runtime.process import ROOT
 from tests.deploy.supervisor.supervisor_harness import has_ended
 from tests.harness.fork_server import ForkedVerb
@@ -141,6 +145,19 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(terminal: FleetComma
     assert up.returncode == INTERRUPTED
     assert "it was interrupted" in err
     assert terminal.report()["run"]["ended"] == "stopped"
+
+
+def test_a_fleet_that_is_interrupted_while_it_starts_blames_nobody(terminal: FleetCommandLine) -> None:
+    """Its grader had measured nothing yet. One that failed, as on a full disk, is told as before."""
+    fleet = read_fleet(Path(terminal.fleet("real", "never", "")))
+    ended = Outcome(ended="interrupted", reason="it was interrupted", wall_seconds=0.5, restarts=0)
+    said = "it was interrupted while its grader was still starting, or killed before this could end"
+    assert reason_unmeasured(ended, terminal.folder) == said
+    assert RunResult(outcome=ended, report=None, error=said).exit_status(fleet) == INTERRUPTED
+    for other in ({"failed_on_stop": ("grader",)}, {"ended": "failed"}):
+        failed = msgspec.structs.replace(ended, **other)
+        assert reason_unmeasured(failed, terminal.folder) == ""
+        assert RunResult(outcome=failed, report=None).exit_status(fleet) == 1
 
 
 @pytest.mark.parametrize("topology", ["direct", "star"])
