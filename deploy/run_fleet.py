@@ -180,7 +180,8 @@ def _write_report(
 
 
 def reason_unmeasured(outcome: Outcome, folder: Path) -> str:
-    """Why a run that was interrupted has no measurements; empty where that is not the reason."""
-    if outcome.ended != "interrupted" or outcome.failed_on_stop or (folder / MEASUREMENTS_FILE).exists():
+    """Why a run whose grader did not fail has no measurements; empty where the grader is the reason."""
+    failed = outcome.failed_on_stop or outcome.reason.startswith("grader ")
+    if failed or outcome.ended == "graded" or (folder / MEASUREMENTS_FILE).exists():
         return ""
-    return "it was interrupted while its grader was still starting, or killed before this could end"
+    return "the fleet ended before its grader had written any measurements"

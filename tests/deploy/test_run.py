@@ -147,15 +147,19 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(terminal: FleetComma
     assert terminal.report()["run"]["ended"] == "stopped"
 
 
-def test_a_fleet_that_is_interrupted_while_it_starts_blames_nobody(terminal: FleetCommandLine) -> None:
-    """Its grader had measured nothing yet. One that failed, as on a full disk, is told as before."""
+def test_a_fleet_that_ends_while_it_starts_does_not_blame_its_grader(terminal: FleetCommandLine) -> None:
+    """It had measured nothing yet. One that failed, as on a full disk, is told as before."""
     fleet = read_fleet(Path(terminal.fleet("real", "never", "")))
     ended = Outcome(ended="interrupted", reason="it was interrupted", wall_seconds=0.5, restarts=0)
-    said = "it was interrupted while its grader was still starting, or killed before this could end"
+    said = "the fleet ended before its grader had written any measurements"
     assert reason_unmeasured(ended, terminal.folder) == said
     assert RunResult(outcome=ended, report=None, error=said).exit_status(fleet) == INTERRUPTED
-    for other in ({"failed_on_stop": ("grader",)}, {"ended": "failed"}):
-        failed = msgspec.structs.replace(ended, **other)
+    broken = msgspec.structs.replace(ended, ended="failed", reason="sim failed: exit status 2: no such world")
+    assert reason_unmeasured(broken, terminal.folder) == said
+    assert RunResult(outcome=broken, report=None, error=said).exit_status(fleet) == 1
+    full = msgspec.structs.replace(ended, failed_on_stop=("grader",))
+    guilty = msgspec.structs.replace(broken, reason="grader failed: exit status 1")
+    for failed in (full, guilty):
         assert reason_unmeasured(failed, terminal.folder) == ""
         assert RunResult(outcome=failed, report=None).exit_status(fleet) == 1
 
