@@ -193,7 +193,14 @@ def test_life_in_the_background(terminal: FleetCommandLine, topology: str) -> No
     assert "killed by signal 9" in terminal.run("logs", "router")
 
     assert f"held by the fleet one (supervisor {started['pid']}" in _refused(terminal, fleet)
-    assert f"results in {terminal.results}" in terminal.run("down")
+    for arguments, refused in (
+        (("down", "two"), "unknown running fleet 'two'"),
+        (("down", "--all", "one"), "--all stops every fleet: give it, or the name one"),
+    ):
+        process = terminal.start(*arguments)
+        assert refused in process.communicate(timeout=60)[1]
+        assert process.returncode == 2
+    assert f"results in {terminal.results}" in terminal.run("down", "one")
     assert terminal.report()["run"]["restarts"] == 1
     assert [pid for pid in (*pids, *(each["pid"] for each in now.values())) if not has_ended(pid)] == []
 
