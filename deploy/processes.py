@@ -31,14 +31,12 @@ from deploy.service_parameters import (
 from messages.se2 import Pose2
 from services.catalog import is_script, is_user_file, load_service
 from services.runtime.atomic_file import write_atomic
+from services.runtime.graph import SUPERVISOR
 from services.script.command_line import hash_environment
 
 _RESTART_MODES: dict[str, RestartMode] = {"router": "always", "grader": "never"}
 """Restart policies by kind: a router never finishes, and a restarted grader has lost its measurements."""
 
-
-SUPERVISOR = "/supervisor"
-"""The supervisor's node."""
 
 _NOT_AWAITED = ("router", "sim")
 """Services that time does not wait for: the router starts first, and the simulation is the one that waits."""

@@ -7,6 +7,7 @@ import os
 import signal
 from collections.abc import Sequence
 from datetime import datetime
+from pathlib import Path
 
 import msgspec
 
@@ -28,6 +29,7 @@ from deploy.supervisor.node import RunMonitor, supervisor_node
 from deploy.supervisor.reaper import Reaper
 from deploy.supervisor.spawner import Spawner
 from deploy.supervisor.supervisor import Outcome, Supervisor
+from services.grader.records import MEASUREMENTS_FILE
 from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import FleetInstance
 from services.runtime.process import ROOT
@@ -36,7 +38,7 @@ from services.sim.engines import default_engine
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
-    """The result of a run; ``report`` is None without measurements, ``trouble`` is then the reason."""
+    """The result of a run; ``report`` is None without measurements, ``error`` is then the reason."""
 
     outcome: Outcome
     report: Report | None
@@ -46,9 +48,10 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
         """The exit status of ``up``: 0 when all processes ended as they should and every check holds, else 1 or
         INTERRUPTED.
 
-        A fleet that never ends by itself is expected to be interrupted.
+        A fleet that never ends by itself is expected to be interrupted, but not before its grader could begin.
         """
-        if self.outcome.ended == "interrupted" and fleet.run.ends != "never":
+        early = self.report is None and not self.outcome.failed_on_stop
+        if self.outcome.ended == "interrupted" and (early or fleet.run.ends != "never"):
             return INTERRUPTED
         well = self.outcome.ended != "failed" and not self.outcome.failed_on_stop
         return 0 if well and self.report is not None and self.report.ok else 1
@@ -173,4 +176,12 @@ def _write_report(
             outcome=outcome, report=write_report(options.folder, facts, fleet.active_bounds(), options.picture)
         )
     except BadInput as error:
-        return RunResult(outcome=outcome, report=None, error=str(error))
+        return RunResult(outcome=outcome, report=None, error=reason_unmeasured(outcome, options.folder) or str(error))
+
+
+def reason_unmeasured(outcome: Outcome, folder: Path) -> str:
+    """Why a run whose grader did not fail has no measurements; empty where the grader is the reason."""
+    failed = outcome.failed_on_stop or outcome.reason.startswith("grader ")
+    if failed or outcome.ended == "graded" or (folder / MEASUREMENTS_FILE).exists():
+        return ""
+    return "the fleet ended before its grader had written any measurements"

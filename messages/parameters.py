@@ -24,6 +24,9 @@ Who = Annotated[str, Meta(max_length=255)]
 class ParameterDescription(Message, frozen=True, kw_only=True):
     """One parameter: its type, default, bounds, choices, unit and text.
 
+    ``choice_values`` are what the choices stand for, as text and in their order, where they are names of something: a
+    choice may be given by either.
+
     ``type`` is ``bool``, ``int``, ``float``, ``str``, or one of these followed by ``[]`` or ``[][]``; ``optional``
     allows null. ``low`` and ``high`` are inclusive unless ``above`` and ``below`` exclude them. ``shortest`` and
     ``longest`` bound the number of items at each level of a list, outermost first, then the characters of a text; 0 is
@@ -42,6 +45,7 @@ class ParameterDescription(Message, frozen=True, kw_only=True):
     above: bool = False
     below: bool = False
     choices: tuple[str, ...] = ()
+    choice_values: tuple[str, ...] = ()
     shortest: tuple[Count, ...] = ()
     longest: tuple[Count, ...] = ()
     at_most: NameStr = ""

@@ -16,7 +16,7 @@ from typing import Any
 
 import click
 
-from deploy.commands.completion import PROCESS
+from deploy.commands.completion import PROCESS, RUNNING_FLEET
 from deploy.commands.options import filter_option, fits, fleet_option, json_option
 from deploy.live.output import printable
 from deploy.report.record import REPORT_FILE
@@ -24,7 +24,7 @@ from deploy.run_folder import SUPERVISOR_LOG, latest_run_folder, read_state
 from deploy.supervisor.log_file import NOTE, last_line, log_name
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.fleet_instances import FleetInstance, running_fleets
-from services.runtime.network_address import fleet_router, select_fleet
+from services.runtime.network_address import fleet_router, port_of_fleet, select_fleet
 
 STOP_TIMEOUT_S = 60.0
 """Wall time for a fleet to stop on SIGINT and write its report, before its supervisor is killed. The supervisor needs
@@ -35,12 +35,19 @@ after SIGINT, 3 s after SIGTERM and 2 s after SIGKILL."""
 @click.command("down")
 @fleet_option
 @click.option("--all", "every", is_flag=True, help="Stop all fleets of this user.")
-def down_command(port: int | None, every: bool) -> None:
+@click.argument("name", required=False, type=RUNNING_FLEET)
+def down_command(port: int | None, every: bool, name: str | None) -> None:
     """Stop a running fleet, in reverse start order, and write its report.
+
+    NAME selects it as --fleet does, if several are running.
 
     This takes a second or two, and 60 s at most, even if processes hang. A supervisor that takes longer is killed with
     its processes. The exit status is 1 if the report is missing.
     """
+    if name is not None:
+        if every:
+            raise BadInput(f"--all stops every fleet: give it, or the name {name}")
+        port = port_of_fleet(name, port)
     complete = True
     handles = [
         (each, handle)

@@ -58,11 +58,16 @@ def _python(*words: str) -> NoReturn:
 
 def _tool(name: str, *words: str, network: bool = True) -> NoReturn:
     """Run one of the programs with ROS 1's output, on the network of the running fleet."""
-    if network and not running_fleets():
+    fleets, port = running_fleets(), _chosen_port()
+    several = port is None and len(fleets) > 1
+    if network and not fleets:
         raise EleaError(
             "Unable to communicate with master! No fleet is running: roscore, roslaunch or ./elea up starts one"
         )
-    place = resolve_address(port=_chosen_port()).arguments if running_fleets() else []
+    if network and several:
+        choices = ", ".join(f"http://localhost:{each.port} ({each.fleet})" for each in fleets)
+        raise BadInput(f"several fleets are running: choose one by export ROS_MASTER_URI=…, which is one of {choices}")
+    place = resolve_address(port=port).arguments if fleets and not several else []
     _python("-m", "services.script", "--wall-time", *place, str(TOOLS / f"{name}_command.py"), *words)
 
 

@@ -20,6 +20,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from services.panel.auth import Authenticator, AuthMiddleware, guarded_protocol
 from services.panel.pages import Page, PageRegistry, send_error
@@ -78,7 +79,7 @@ class Server:
             lifespan="off",
             loop="asyncio",
             http=guarded_protocol(auth),
-            ws="websockets-sansio",
+            ws=PageProtocol,
             ws_max_size=MAX_MESSAGE_SIZE,
             ws_ping_interval=2.0,
             ws_ping_timeout=5.0,
@@ -117,6 +118,21 @@ class Server:
         while True:
             await asyncio.sleep(self._period())
             self._wake()
+
+
+class PageProtocol(WebSocketsSansIOProtocol):
+    """uvicorn's WebSocket, which hands text that is not UTF-8 on as bytes: the page's reader refuses and counts those.
+
+    uvicorn itself writes a traceback into the log and closes the connection.
+    """
+
+    def send_receive_event_to_app(self) -> None:
+        if self.curr_msg_data_type == "text":
+            try:
+                b"".join(self.frames).decode()
+            except UnicodeDecodeError:
+                self.curr_msg_data_type = "bytes"
+        super().send_receive_event_to_app()
 
 
 STATIC = Path(__file__).with_name("static")
@@ -185,7 +201,7 @@ async def handle_socket(ws: WebSocket, pages: PageRegistry) -> None:
             try:
                 text = message.get("text")
                 if text is None:
-                    raise BadInput("only text is understood")
+                    raise BadInput("only text is understood, in UTF-8")
                 if not pace.allows(loop.time()):
                     raise BadInput(f"more than {MAX_MESSAGES_PER_S} messages a second")
                 said = decode_message(text)

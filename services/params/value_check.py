@@ -57,7 +57,7 @@ def describe_expected(description: ParameterDescription) -> str:
         describe_length(description),
     ]
     if description.choices:
-        what.append("one of " + ", ".join(description.choices))
+        what.append(f"one of {_list_choices(description)}")
     return ", ".join(each for each in what if each)
 
 
@@ -85,6 +85,7 @@ def _fit(
                 raise _type_error(description, value, where)
             return value
         case "str":
+            value = _choice_of(description, value)
             if type(value) is not str:
                 raise _type_error(description, value, where)
             _check_length(description, value, where, level)
@@ -119,14 +120,37 @@ def _check_length(description: ParameterDescription, value: Any, where: str, lev
         )
 
 
+def _choice_of(description: ParameterDescription, value: Any) -> Any:
+    """The choice that stands for ``value``; ``value`` itself if it is a choice, or none stands for it."""
+    if isinstance(value, bool) or value in description.choices:
+        return value
+    named = zip(description.choices, description.choice_values, strict=False)
+    return next((choice for choice, meant in named if _is_same(meant, value)), value)
+
+
+def _is_same(text: str, value: str | float) -> bool:
+    """Whether a text and a value are equal, as numbers if both are."""
+    try:
+        return float(text) == float(value)
+    except ValueError:
+        return text == value
+
+
 def _fit_text(description: ParameterDescription, value: str, where: str) -> str:
     if len(value) > _MAX_TEXT_LENGTH:
         raise BadInput(f"{where}: a text of {len(value)} characters, at most {_MAX_TEXT_LENGTH} are taken")
     if new := renamed_choice(value, description.choices):
         raise BadInput(f"{where} = {format_value(value)}: it is called {new!r} now")
     if description.choices and value not in description.choices:
-        raise BadInput(f"{where} = {format_value(value)}: expected one of {', '.join(description.choices)}")
+        raise BadInput(f"{where} = {format_value(value)}: expected one of {_list_choices(description)}")
     return value
+
+
+def _list_choices(description: ParameterDescription) -> str:
+    """The choices, each with what it stands for if that is something else."""
+    if not description.choice_values:
+        return ", ".join(description.choices)
+    return ", ".join(f"{a} ({b})" for a, b in zip(description.choices, description.choice_values, strict=False))
 
 
 def _fit_number(description: ParameterDescription, value: float, where: str, notes: list[str] | None) -> float:

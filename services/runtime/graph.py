@@ -10,6 +10,9 @@ from messages.names import BadName, mangle, unmangle
 from messages.names import key as absolute
 from services.runtime.transport.api import ADMIN_SPACE, Transport
 
+SUPERVISOR = "/supervisor"
+"""The node of a fleet's supervisor."""
+
 EVERYTHING = f"{ADMIN_SPACE}/*/*/*/*/*/*"
 PATIENCE_S = 5.0
 """Wall time after which a network that has not shown all of its tokens is taken as it is; a fleet of a hundred robots

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import fields
+from types import FrameType
 from typing import Any, overload
 
 import click
@@ -38,12 +39,26 @@ def main(service: Service | Run, **declaration: Any) -> None:
     Args:
         service: The declaration of the service, or its loop ``run(ctx)``.
         **declaration: With a loop, the other fields of ``Service``: name, about, rate, parameters, role.
+
+    Raises:
+        BadInput: The file that calls it is being imported by another one.
     """
+    _check_not_imported(sys._getframe(1))
     if not isinstance(service, Service):
         _check_declaration(service, declaration)
         service = Service(run=service, **declaration)
     capture(service)
     run_command_line(service, sys.argv[1:])
+
+
+def _check_not_imported(caller: FrameType) -> None:
+    """Raise BadInput for a call at the top level of a module that another file imports: it would start the service."""
+    module = caller.f_globals.get("__name__")
+    if caller.f_code.co_name == "<module>" and module != "__main__":
+        raise BadInput(
+            f"{caller.f_code.co_filename}:{caller.f_lineno}: an import of {module} would start its service: "
+            'put the call of main under `if __name__ == "__main__":`'
+        )
 
 
 def _check_declaration(run: object, declaration: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ from messages.base import WrongPayload, decoder
 from messages.rosgraph import Clock
 from messages.topics import CLOCK, Quality
 from services.runtime.fleet_instances import describe_fleets, running_fleets
-from services.runtime.graph import Entity, token_pattern
+from services.runtime.graph import SUPERVISOR, Entity, token_pattern
 from services.runtime.heartbeat import State
 from services.runtime.lockstep.member import LINK_S, LockstepMember
 from services.runtime.lockstep.protocol import SIMULATION, StepGrant, last_reported, sequence_numbers
@@ -107,6 +107,7 @@ class ClockWatchdog:
     def __init__(self, node: SteppingNode, log: Log, hint: str = "") -> None:
         self._hint = f"; {hint}" if hint else ""
         self._heart, self._log, self._patience = node.heartbeat, log, node.clock_patience_s
+        self._transport = node.transport
         self._last_sample = time.monotonic()
         self._ever = self._logged = False
 
@@ -125,11 +126,13 @@ class ClockWatchdog:
             self._heart.state, self._heart.detail = "waiting", "no clock"
         if silence > self._patience and not self._ever and not self._logged:
             self._logged = True
-            self._log.warn(f"no clock for {silence:.1f} s: {_where()}{self._hint}")
+            self._log.warn(f"no clock for {silence:.1f} s: {_where(self._transport)}{self._hint}")
 
 
-def _where() -> str:
-    """Why there may be no clock: a fleet runs elsewhere on this machine, or none does."""
+def _where(transport: Transport) -> str:
+    """Why there may be no clock: the fleet is still starting, one runs elsewhere on this machine, or none does."""
+    if transport.tokens(token_pattern("node", SUPERVISOR)):
+        return "the fleet is still starting, or its simulation has ended: ./elea ps shows its processes"
     there = running_fleets()
     if not there:
         return "is the simulation running? No fleet of yours runs on this machine; ./elea up starts one"

@@ -117,6 +117,8 @@ def load_user_service(file: str) -> Service:
         runpy.run_path(file, run_name="__main__")
     except ServiceCaptured as declared:
         return declared.service
+    except BadInput as error:
+        raise BadInput(f"{_error_line(path, error)}: {error}") from None
     except (Exception, SystemExit) as error:  # noqa: BLE001 whatever a user's file may raise
         raise BadInput(f"{_error_line(path, error)}: it fails to load: {type(error).__name__}: {error}") from None
     finally:

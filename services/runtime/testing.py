@@ -62,7 +62,7 @@ class ServiceHarness:
 
     @property
     def log(self) -> str:
-        """The service's log."""
+        """The service's log, with the lines of level debug."""
         return self._log.getvalue()
 
     def publish(self, topic: Topic[M], message: M) -> None:
@@ -187,7 +187,7 @@ def run_service(
     identity = Identity.of(service.name, namespace)
     with MemoryTransport(bus) as transport:
         harness = ServiceHarness(bus, transport, identity, log)
-        node = Node(transport, identity, service.name, Log(identity.node, out=log))
+        node = Node(transport, identity, service.name, Log(identity.node, "debug", log))
 
         def loop() -> None:
             try:

@@ -212,14 +212,16 @@ def _parameter(stated: Mapping[str, Any]) -> _Parameter:
     if kind in (INT, DOUBLE):
         default = min(max(default, stated["min"]), stated["max"])
     text = str(stated["description"])
-    named = tuple(dict.fromkeys(each.name for each in choices))
+    named: dict[str, str] = {}
+    for each in choices:
+        named.setdefault(each.name, str(each.value))
     if choices and kind != BOOL and any(each.value == default for each in choices):
         default = next(each.name for each in choices if each.value == default)
         meaning = ", ".join(f"{each.name} ({each.value}): {each.description}" for each in choices)
         text = f"{text.rstrip('.')}. {meaning}"
         kind, low, high = STR, None, None
     else:
-        choices, named = (), ()
+        choices, named = (), {}
     return _Parameter(
         ParameterDescription(
             name=stated["name"],
@@ -227,7 +229,8 @@ def _parameter(stated: Mapping[str, Any]) -> _Parameter:
             default=_bound(default) if kind == DOUBLE else default,
             low=low,
             high=high,
-            choices=named,
+            choices=tuple(named),
+            choice_values=tuple(named.values()),
             text=text[:_MAX_TEXT],
             level=int(stated["level"]) & 0xFFFFFFFF,
         ),

@@ -305,8 +305,13 @@ class ScriptRun:
 
 
 def _is_interruption(error: BaseException) -> bool:
-    """Whether an exception only says that the process is asked to end."""
+    """Whether an exception of a process that was asked to end only says that.
+
+    Once it has shut down, a call of a service is refused as one without a server, as in ROS.
+    """
     names = {kind.__name__ for kind in type(error).__mro__}
+    if "ServiceException" in names:
+        return str(error).endswith(" unavailable")
     return isinstance(error, KeyboardInterrupt | ScriptStopped) or "ROSInterruptException" in names
 
 

@@ -58,6 +58,8 @@ def run(ctx: Context[WaypointParameters]) -> None:
             if shown != (progress.state, progress.index):
                 shown = progress.state, progress.index
                 states.publish(status_message(progress, header))
+                x, y = progress.goal.x, progress.goal.y
+                ctx.log.debug(f"{progress.state}, point {progress.index + 1} of {progress.count}, ({x:g}, {y:g})")
     finally:
         if controller.plan.goals:
             commands.publish(STOP)

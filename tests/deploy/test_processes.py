@@ -12,7 +12,7 @@ import pytest
 
 from deploy.fleet import ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig
 from deploy.fleet_file import find_fleet, fleet_names, read_fleet
-from deploy.processes import MOST_DIRECT, SUPERVISOR, ProcessSpec, plan_processes
+from deploy.processes import MOST_DIRECT, ProcessSpec, plan_processes
 from deploy.restart_policy import RestartPolicy
 from deploy.service_parameters import RunOptions
 from services.catalog import load_service
@@ -90,7 +90,7 @@ def test_losses_of_every_process_count_but_for_the_panel() -> None:
     plan = expand(recorded)
     assert {"panel", "recorder", "logger", "tb3_0/waypoint"} <= set(plan)
     readers = read_assignments(options(plan["grader"], "--fleet-param"))["readers"]
-    assert set(readers) == {name for each in plan.values() for name in each.names} - {"/panel"} | {SUPERVISOR}
+    assert set(readers) == {name for each in plan.values() for name in each.names} - {"/panel"} | {"/supervisor"}
 
 
 def test_a_script_that_steps_gets_the_seed_of_its_hashes_from_the_fleet(tmp_path: Path) -> None:

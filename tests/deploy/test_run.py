@@ -11,10 +11,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import psutil
 import pytest
 
 from deploy import INTERRUPTED
+from deploy.fleet_file import read_fleet
+from deploy.run_fleet import RunResult, reason_unmeasured
+from deploy.supervisor.supervisor import Outcome
 from services.runtime.process import ROOT
 from tests.deploy.supervisor.supervisor_harness import has_ended
 from tests.harness.fork_server import ForkedVerb
@@ -143,6 +147,23 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(terminal: FleetComma
     assert terminal.report()["run"]["ended"] == "stopped"
 
 
+def test_a_fleet_that_ends_while_it_starts_does_not_blame_its_grader(terminal: FleetCommandLine) -> None:
+    """It had measured nothing yet. One that failed, as on a full disk, is told as before."""
+    fleet = read_fleet(Path(terminal.fleet("real", "never", "")))
+    ended = Outcome(ended="interrupted", reason="it was interrupted", wall_seconds=0.5, restarts=0)
+    said = "the fleet ended before its grader had written any measurements"
+    assert reason_unmeasured(ended, terminal.folder) == said
+    assert RunResult(outcome=ended, report=None, error=said).exit_status(fleet) == INTERRUPTED
+    broken = msgspec.structs.replace(ended, ended="failed", reason="sim failed: exit status 2: no such world")
+    assert reason_unmeasured(broken, terminal.folder) == said
+    assert RunResult(outcome=broken, report=None, error=said).exit_status(fleet) == 1
+    full = msgspec.structs.replace(ended, failed_on_stop=("grader",))
+    guilty = msgspec.structs.replace(broken, reason="grader failed: exit status 1")
+    for failed in (full, guilty):
+        assert reason_unmeasured(failed, terminal.folder) == ""
+        assert RunResult(outcome=failed, report=None).exit_status(fleet) == 1
+
+
 @pytest.mark.parametrize("topology", ["direct", "star"])
 def test_life_in_the_background(terminal: FleetCommandLine, topology: str) -> None:
     fleet = terminal.fleet("real", "never", "", topology)
@@ -172,7 +193,14 @@ def test_life_in_the_background(terminal: FleetCommandLine, topology: str) -> No
     assert "killed by signal 9" in terminal.run("logs", "router")
 
     assert f"held by the fleet one (supervisor {started['pid']}" in _refused(terminal, fleet)
-    assert f"results in {terminal.results}" in terminal.run("down")
+    for arguments, refused in (
+        (("down", "two"), "unknown running fleet 'two'"),
+        (("down", "--all", "one"), "--all stops every fleet: give it, or the name one"),
+    ):
+        process = terminal.start(*arguments)
+        assert refused in process.communicate(timeout=60)[1]
+        assert process.returncode == 2
+    assert f"results in {terminal.results}" in terminal.run("down", "one")
     assert terminal.report()["run"]["restarts"] == 1
     assert [pid for pid in (*pids, *(each["pid"] for each in now.values())) if not has_ended(pid)] == []
 

@@ -174,6 +174,29 @@ def test_interrupted_install_is_made_anew_and_never_used(copy: ProjectCopy, tmp_
     assert copy.installs() == ["venv", "pip"] * 2
 
 
+def test_installer_that_outlives_a_killed_start_is_waited_for(copy: ProjectCopy, tmp_path: Path) -> None:
+    half, said = tmp_path / "half", tmp_path / "said"
+    killed = subprocess.Popen(
+        [copy.root / "elea", "up"],
+        env=copy.environment(HANG=str(half)),
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    wait_until(half.exists, 20.0, "a half of an installation")
+    killed.kill()
+    killed.wait()
+    with said.open("w") as stderr:
+        again = subprocess.Popen(
+            [copy.root / "elea", "ps"], env=copy.environment(), stdout=subprocess.PIPE, stderr=stderr
+        )
+        wait_until(lambda: "left of one that was killed" in said.read_text(), 20.0, "the second start to wait")
+        assert copy.installs() == ["venv", "pip"]
+        os.killpg(killed.pid, signal.SIGKILL)
+        assert again.communicate(timeout=30)[0].startswith(b"python -P -m deploy ps")
+    assert copy.installs() == ["venv", "pip"] * 2
+
+
 def test_two_first_starts_install_once(copy: ProjectCopy) -> None:
     slow = PYTHON.replace('echo "pip" >>"$COUNT"', 'echo "pip" >>"$COUNT"; sleep 0.5')
     copy.provide("python3.11", slow)

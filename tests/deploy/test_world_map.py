@@ -10,6 +10,7 @@ from deploy.commands.world import command
 from deploy.world_map import world_map
 from messages.errors import BadInput
 from messages.se3 import Pose3
+from models import WORLDS
 from models.bodies import BodyPart, BodyPath, BoxShape, CylinderShape, MeshShape, RampShape, WorldBody, WorldDescription
 from models.mesh import Mesh
 from models.world import read_world
@@ -56,6 +57,6 @@ def test_the_command_writes_a_map_that_is_the_same_world(tmp_path: Path) -> None
     done = runner.invoke(command, ["check", str(file)])
     assert "1 body (1 fixed)" in done.output
     done = runner.invoke(command, ["list"])
-    assert [line.split()[0] for line in done.output.splitlines()] == ["arena", "empty", "house"]
+    assert [line.split()[0] for line in done.output.splitlines()] == list(WORLDS)
     with pytest.raises(BadInput, match="a map's name ends with"):
         runner.invoke(command, ["map", "arena", "-o", str(tmp_path / "arena.pgm")], catch_exceptions=False)

@@ -2,12 +2,13 @@
 """rosbag: show and play bags of ROS 1, with the words and the output of ROS 1; Elea's own are those of `elea bag`."""
 
 import argparse
-import os
 import sys
 import time
 
 import rosbag
 import rospy
+
+from services.ros1.command_line import run_command
 
 SETTLE_S = 0.2
 
@@ -152,13 +153,13 @@ def main():
         rospy.init_node("rosbag_play", anonymous=True)
     try:
         {"info": info, "play": play}[command](args)
+    except BrokenPipeError:
+        raise
     except (OSError, ValueError, rosbag.ROSBagException) as error:
         sys.exit(f"ERROR: {error}")
     except rospy.ROSInterruptException:
         pass
-    except BrokenPipeError:
-        os._exit(0)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

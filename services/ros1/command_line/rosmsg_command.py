@@ -7,6 +7,8 @@ import rosmsg
 import rospkg
 import rospy
 
+from services.ros1.command_line import run_command
+
 COMMANDS = ("show", "info", "list", "md5", "package", "packages")
 
 
@@ -54,4 +56,4 @@ def by_base_name(name, kind):
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -7,6 +7,7 @@ import time
 import rosnode
 import rospy
 
+from services.ros1.command_line import run_command
 from services.script.discovery import settle
 from services.script.process import kernel
 
@@ -78,4 +79,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

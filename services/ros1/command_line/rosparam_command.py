@@ -7,6 +7,8 @@ import rosparam
 import rospy
 import yaml
 
+from services.ros1.command_line import run_command
+
 COMMANDS = ("set", "get", "load", "dump", "delete", "list")
 
 
@@ -42,7 +44,7 @@ def main():
     except rosparam.RosParamException as error:
         sys.exit(f"ERROR: {error}")
     except BrokenPipeError:
-        sys.exit(0)
+        raise
     except OSError as error:
         sys.exit(f"ERROR: {error.filename}: {error.strerror}")
     except yaml.YAMLError as error:
@@ -78,4 +80,4 @@ def show(value, pretty):
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -7,6 +7,7 @@ import rospy
 import rosservice
 import yaml
 
+from services.ros1.command_line import run_command
 from services.script.discovery import settle
 
 COMMANDS = ("args", "call", "find", "info", "list", "type", "uri")
@@ -97,4 +98,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

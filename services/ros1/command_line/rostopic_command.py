@@ -11,6 +11,7 @@ import rospy
 import rostopic
 import yaml
 
+from services.ros1.command_line import run_command
 from services.script.discovery import settle
 
 COMMANDS = ("bw", "delay", "echo", "find", "hz", "info", "list", "pub", "type")
@@ -299,4 +300,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -77,6 +77,12 @@ def test_the_port_in_ros_master_uri_chooses_a_fleet(executed: list[list[str]], m
     assert "7450" in executed[1][4]
     assert executed[1][-3:] == [str(TOOLS / "rosnode_command.py"), "kill", "/tb3_0/talker"]
     assert run_command("roscore", []) == 0
+    monkeypatch.delenv("ROS_MASTER_URI")
+    choices = r"ROS_MASTER_URI=…, which is one of http://localhost:7447 \(f7447\), http://localhost:7450 \(f7450\)"
+    with pytest.raises(BadInput, match=choices):
+        run_command("rostopic", ["list"])
+    run("rosmsg", "show", "std_msgs/Empty")
+    assert executed[-1][-4:] == [str(TOOLS / "rosmsg_command.py"), "rosmsg", "show", "std_msgs/Empty"]
 
 
 def test_bags_of_ros_1_are_played_by_a_program_of_ros_1(

@@ -62,6 +62,22 @@ def test_senseless_words_are_refused_with_a_reason_and_counted(desk: ServerHarne
         assert [said for _, said in desk.board.drain()] == [Subscribe(channels=("log",))]
 
 
+def test_text_that_is_not_utf8_is_refused_and_counted_as_any_other_bad_word(
+    desk: ServerHarness, caplog: pytest.LogCaptureFixture
+) -> None:
+    with desk.page_socket() as page:
+        page.send(b'{"k":"estop","id":1,"on":true}\xff', text=True)
+        assert "only text is understood, in UTF-8" in receive(page)["reason"]
+        page.send(iter([b'{"k":"log', b"\xc3"]), text=True)  # in two frames, the last of which ends within a character
+        assert "only text is understood, in UTF-8" in receive(page)["reason"]
+        assert desk.board.pages[0].rejected == 2
+        page.send('{"k":"subscribe","fields":["/größe"]}'.encode(), text=True)
+        assert "größe" in receive(page)["reason"], "a name that no topic has, in good UTF-8, is read"
+        page.send('{"k":"release"}')
+        wait_until(desk.board.drain, WITHIN_S, "what comes after it to be read")
+    assert [each.message for each in caplog.records] == []
+
+
 def consume(page: ClientConnection) -> None:
     while True:
         page.recv(timeout=WITHIN_S)

@@ -88,6 +88,28 @@ def test_a_choice_is_one_of_them() -> None:
         fit(described(type="str", choices=("step", "sine")), "sin")
 
 
+def test_a_choice_is_named_by_what_it_stands_for_too() -> None:
+    """Of an enum of ROS: names first, then its numbers, as numbers or as text, or its texts."""
+    kinds = described(type="str", choices=("step", "sine", "0"), choice_values=("0", "1", "2"))
+    given: dict[Any, str] = {
+        "sine": "sine",
+        1: "sine",
+        "1": "sine",
+        " 1 ": "sine",
+        2.0: "0",
+        "0": "0",
+        0: "step",
+    }
+    assert {each: fit(kinds, each).value for each in given} == given
+    for wrong in (3, "3", "sin", 1.5, float("nan")):
+        with pytest.raises(BadInput, match=r"one of step \(0\), sine \(1\), 0 \(2\)"):
+            fit(kinds, wrong)
+    with pytest.raises(BadInput, match="expected str"):
+        fit(kinds, value=True)
+    sizes = described(type="str", choices=("Small", "Large"), choice_values=("s", "l"))
+    assert fit(sizes, "l").value == "Large"
+
+
 LISTS = {"type": "float[][]", "shortest": (1, 2), "longest": (3, 2)}
 
 

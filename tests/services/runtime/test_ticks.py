@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from typing import Any
 
 import pytest
@@ -15,8 +16,12 @@ from messages.nav import Odometry
 from messages.rosgraph import Clock
 from messages.std import Header, Time
 from messages.topics import CLOCK, CMD_VEL, HEALTH, ODOM, Quality
+from services.runtime import pacing
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput, Stopped
+from services.runtime.fleet_instances import FleetInstance
+from services.runtime.log import Log
+from services.runtime.pacing import ClockWatchdog
 from services.runtime.parameters.base import Parameters
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding, pack_attachment
@@ -202,6 +207,27 @@ def test_without_a_clock_the_node_says_that_it_waits(bus: MemoryBus) -> None:
     with running(bus, run) as ctx:
         wait_until(lambda: ctx.node.heartbeat.state == "waiting")
         assert ctx.node.heartbeat.detail == "no clock"
+
+
+def test_a_node_that_is_early_does_not_take_its_own_fleet_for_another_one(
+    bus: MemoryBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fleets that run are asked for alone where the node has joined none: a supervisor is there before the clock."""
+    own = FleetInstance(fleet="own", mode="real", port=1, pid=1, folder="", started="")
+    monkeypatch.setattr(pacing, "running_fleets", lambda: (own,))
+    told = []
+    for joined in (False, True):
+        node, log = memory_node(bus, "early"), io.StringIO()
+        node.clock_patience_s = 0.0
+        watchdog = ClockWatchdog(node, Log("/early", out=log))
+        with memory_node(bus, "supervisor") if joined else nullcontext():
+            watchdog.check()
+        told.append(log.getvalue())
+    assert "no clock for" in told[0]
+    assert "Fleets that run here: own (port 1); ./elea run --port joins one of them" in told[0]
+    assert "no clock for" in told[1]
+    assert "s: the fleet is still starting, or its simulation has ended: ./elea ps shows its processes" in told[1]
+    assert "own" not in told[1]
 
 
 def test_publish_refuses_another_record(bus: MemoryBus) -> None:

@@ -45,6 +45,9 @@ INTERRUPTED = {
     "blocks": HOOK + "import socket\ns = socket.socket(type=socket.SOCK_DGRAM)\ns.bind(('127.0.0.1', 0))\ns.recv(9)\n",
     "swallows": HOOK + "import time\nwhile True:\n    try:\n        time.sleep(10)\n    except:\n        pass\n",
     "follows": HOOK + "while not k.shutting_down:\n    k.point()\nprint('after')\n",
+    "calls": HOOK
+    + "import rospy\nfrom std_srvs.srv import Empty\nrospy.on_shutdown(lambda: None)\n"
+    + "while not rospy.is_shutdown():\n    k.point()\nprint('after')\nrospy.ServiceProxy('/nobody', Empty)()\n",
     "callback": HOOK
     + "k.subscribe('/own', 'std_msgs/Empty', lambda *_: [None for _ in iter(int, 1)])\n"
     + "k.advertise('/own', 'std_msgs/Empty').publish(b'\\x80')\nk.wait_until(lambda: False)\nprint('after')\n",
@@ -89,6 +92,6 @@ def test_scripts_end_soon_when_they_are_asked_to(tmp_path: Path) -> None:
                 assert process.wait(30) == 0
                 text = process.text
                 assert text.count("hook False") == 1
-                assert "Traceback" not in text
+                assert "Traceback" not in text, text
                 assert ("after" in text) == ("after" in INTERRUPTED[name])
         assert time.monotonic() - began < SECONDS * len(INTERRUPTED)

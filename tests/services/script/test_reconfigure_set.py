@@ -120,6 +120,7 @@ def test_the_set_describes_what_the_file_does(tmp_path: Path) -> None:
         (schema,) = (each for each in service.published if hasattr(each, "parameters"))
         kind, gain, count, on, title, free = schema.parameters
         assert (kind.type, kind.choices, kind.default, kind.level) == ("str", ("step", "sine"), "step", 1)
+        assert kind.choice_values == ("0", "1")
         assert "sine (1): A sine" in kind.text
         assert (gain.type, gain.low, gain.high, gain.default, gain.text) == ("float", 0.0, 50.0, 8.0, "Gain")
         assert (count.type, count.low, count.high) == ("int", 0, 10)
@@ -141,8 +142,16 @@ def test_what_people_set_reaches_the_script_and_what_its_callback_changes_counts
         service.server.undo(UndoParameters(set=NODE))
         made.kernel.deliver()
         assert (made.config["kind"], made.config["gain"]) == (0, 8.0)
-        with pytest.raises(BadInput, match="one of step, sine"):
+        with pytest.raises(BadInput, match=r"one of step \(0\), sine \(1\)"):
             service.server.set(SetParameters(set=NODE, values=assignments(kind="saw")))
+        for number in (1, "1"):
+            service.server.set(SetParameters(set=NODE, values=assignments(kind=number)))
+            assert value_dict(service.server.get(ParameterSet(set=SET)))["kind"] == "sine"
+            made.kernel.deliver()
+            assert made.config["kind"] == 1
+            service.server.undo(UndoParameters(set=NODE))
+            made.kernel.deliver()
+            assert made.config["kind"] == 0
 
 
 def test_what_ros_sets_is_shown_for_the_run_and_not_saved(tmp_path: Path) -> None:

@@ -67,6 +67,14 @@ def test_it_drives_its_list_reports_each_point_and_then_holds_the_robot(rig: Way
         ("reached", 1),
         ("finished", 1),
     ]
+    lines = [line.partition("/tb3_0/waypoint: ") for line in rig.bench.log.splitlines()]
+    assert [told for head, _, told in lines if head.endswith("DEBUG ")] == [
+        "driving, point 1 of 2, (0.3, 0)",
+        "reached, point 1 of 2, (0.3, 0)",
+        "driving, point 2 of 2, (0.3, 0.2)",
+        "reached, point 2 of 2, (0.3, 0.2)",
+        "finished, point 2 of 2, (0.3, 0.2)",
+    ]
     (plan,) = rig.bench.drain(PLAN)
     assert plan.header.frame_id == "tb3_0/odom"
     assert [(each.pose.position.x, each.pose.position.y) for each in plan.poses] == [(0.3, 0.0), (0.3, 0.2)]
