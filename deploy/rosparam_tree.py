@@ -49,15 +49,6 @@ def get_parameter(tree: Tree, key: str) -> Any:
     return found
 
 
-def delete_parameter(tree: Tree, key: str) -> None:
-    """Delete a value or branch; raises KeyError."""
-    above, _, last = key.rstrip("/").rpartition("/")
-    inner = get_parameter(tree, above)
-    if not isinstance(inner, dict) or last not in inner:
-        raise KeyError(key)
-    del inner[last]
-
-
 def leaves(tree: Tree, above: str = "") -> Iterator[tuple[str, Any]]:
     """The values of a tree by their absolute names."""
     for name, value in tree.items():

@@ -10,11 +10,10 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
 from models.model import CameraConfig, ImuConfig, LaserConfig, Mount
-from models.urdf import MAX_VALUE, UrdfElement, parse_xml, read_urdf
+from models.urdf import MAX_VALUE, UrdfElement, parse_xml
 
 MAX_SAMPLES = 10_000
 """Rays of a laser."""
@@ -104,11 +103,6 @@ class GazeboTags:
     ros_control: RosControl | None = None
     notes: tuple[str, ...] = ()
     ignored: tuple[str, ...] = ()
-
-
-def read_gazebo_tags(urdf: Path) -> GazeboTags:
-    """The tags of a URDF file; raises ``models.urdf.BadUrdf`` for one that cannot be read at all."""
-    return parse_gazebo_tags(read_urdf(urdf), urdf.name)
 
 
 def parse_gazebo_tags(text: str, name: str = "robot.urdf") -> GazeboTags:

@@ -43,13 +43,6 @@ def split_words(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     return names, {name: value for name, _, value in pairs}
 
 
-def open_launch(words: Sequence[str], here: Path) -> tuple[Launch, FleetOfLaunch]:
-    """The launch file that a command line names, and the fleet that it makes; raises BadInput."""
-    names, arguments = split_words(words)
-    path, packages = find_launch(names, here)
-    return make_fleet(path, arguments, packages)
-
-
 def make_fleet(path: Path, arguments: Mapping[str, str], packages: LaunchPackages) -> tuple[Launch, FleetOfLaunch]:
     """A launch file, and the fleet that it makes; raises BadInput."""
     launch = read_launch(path, arguments, packages)

@@ -174,11 +174,6 @@ class Screenshot(NamedTuple):
     robot: str = ""
 
 
-def screenshot(rrd: Path, png: Path, at: float | None = None) -> None:
-    """Write one screenshot of the recording as it opens; see ``screenshots``."""
-    screenshots(rrd, [Screenshot(png, at)])
-
-
 def screenshots(rrd: Path, shots: Sequence[Screenshot], size: tuple[int, int] = SIZE) -> None:
     """Write screenshots of ``size`` in pixels.
 

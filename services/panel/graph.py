@@ -46,10 +46,6 @@ class NodeGraph:
         """A publication of a topic: it tells type and quality."""
         return next((each for each in self._entities.values() if each.kind == "pub" and each.name == name), None)
 
-    def subscription(self, name: str) -> Entity | None:
-        """A subscription of a topic."""
-        return next((each for each in self._entities.values() if each.kind == "sub" and each.name == name), None)
-
     def find_topics(self, kind: str, last: str) -> list[Entity]:
         """Publications (``pub``), or subscriptions, of all topics whose last part is ``last``."""
         end = f"/{last}"

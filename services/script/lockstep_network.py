@@ -59,7 +59,6 @@ class LockstepNetwork(Network):
 
     def __init__(self, transport: Transport) -> None:
         super().__init__(transport)
-        self._own_session = transport.session
         self._scripts: dict[str, ScriptEnds] = {}
         self._frozen: list[Entity] = []
         self._tellers: set[str] = set()

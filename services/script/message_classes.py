@@ -21,7 +21,6 @@ class MessageClasses:
         message: The base class.
         time: The class of times.
         duration: The class of durations.
-        not_serializable: The exception for a field that does not fit its type.
         not_deserializable: The exception for bytes that are not the message.
     """
 
@@ -30,11 +29,10 @@ class MessageClasses:
         message: type,
         time: type,
         duration: type,
-        not_serializable: type[Exception],
         not_deserializable: type[Exception],
     ) -> None:
         self.time, self.duration = time, duration
-        self._base, self._not_serializable, self._not_deserializable = message, not_serializable, not_deserializable
+        self._base, self._not_deserializable = message, not_deserializable
         self._checker = TypeChecker(message, time, duration)
         self._codec = Codec(catalogue(), self, slot_name)
         self._format = Ros1Format(catalogue(), self, slot_name)

@@ -43,7 +43,7 @@ from messages.requests import (
 )
 from messages.se3 import Pose3, Vector, rotate
 from messages.sensor import JointState
-from messages.simulation import DriveSettings, GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
+from messages.simulation import GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
 from messages.std import Empty, Header, Time
 from models import UnknownModel, display_name
 from models.model import read_model
@@ -155,9 +155,6 @@ class SimulationServices:
         if robot.model.fixed_base:
             self._simulation.publish_static_tf()
         return robot.state()
-
-    def _set_drive(self, request: DriveSettings) -> DriveSettings:
-        return self._simulation.find(request.name).actuation.set_drive(request, self._simulation.now)
 
     def _set_odometry(self, request: SetOdometry) -> Done:
         self._simulation.find(request.name).publishers.odometer.set_pose(request.x, request.y, request.yaw)

@@ -49,11 +49,6 @@ class JointStateMerger:
                 raise BadUrdf(f"zeros: {each.name} = {zero:g} is outside {reading.low:g} to {reading.high:g}")
             self._set_defaults(reading, zero)
 
-    @property
-    def free_joints(self) -> tuple[str, ...]:
-        """The independent joints."""
-        return tuple(self._free)
-
     def add(self, state: JointState) -> None:
         """Merge a joint state; the newest value of a joint counts, unknown names are ignored."""
         for index, name in enumerate(state.name):

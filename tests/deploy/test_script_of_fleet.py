@@ -10,7 +10,7 @@ import pytest
 from deploy.fleet_file import read_fleet
 from deploy.processes import plan_processes
 from deploy.rosparam import fleet_parameter_tree
-from deploy.rosparam_tree import delete_parameter, get_parameter, set_parameter
+from deploy.rosparam_tree import get_parameter, set_parameter
 from deploy.service_parameters import RunOptions
 from services.runtime.errors import BadInput
 
@@ -73,15 +73,14 @@ def test_parameters_fill_the_tree_those_of_a_script_below_its_node(tmp_path: Pat
         "tb3_0": {"talker": {"pid": {"p": 0.5}, "on": True}},
     }
     set_parameter(tree, "/speed/max", 3)
-    delete_parameter(tree, "/arm/gains/p")
     assert get_parameter(tree, "/") == {
         "speed": {"max": 3},
-        "arm": {"gains": {"list": [1, "a"]}},
+        "arm": {"gains": {"p": 2.0, "list": [1, "a"]}},
         "tb3_0": {"talker": {"pid": {"p": 0.5}, "on": True}},
     }
     for key in ("/none", "/speed/max/deep", "arm/none"):
         with pytest.raises(KeyError):
-            delete_parameter(tree, key)
+            get_parameter(tree, key)
 
 
 def test_what_is_wrong_with_it_is_told_with_file_and_line(tmp_path: Path) -> None:

@@ -51,7 +51,8 @@ def mesh(said: str, scale: str = "1 1 1") -> str:
 def test_a_urdf_anywhere_becomes_a_model(tmp_path: Path) -> None:
     write(tmp_path / "my robots" / "rover.urdf", rolling())
     found = resolve_robot("my robots/rover.urdf", tmp_path)
-    assert (found.name, display_name(found.model), found.model_toml) == ("rover", "rover", None)
+    assert (found.name, display_name(found.model)) == ("rover", "rover")
+    assert not (found.urdf.parent / "model.toml").is_file()
     assert urdf_path(found.model) == found.urdf
     assert found.urdf.read_text() == rolling(), "what is published is the user's text, line by line"
     assert resolve_robot(found.model, Path("/")) == found, "its own name leads back to it"

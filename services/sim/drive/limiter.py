@@ -96,10 +96,6 @@ def _approach(wanted: float, last: float, up: float, down: float, beyond: float,
     return max(wanted, -beyond * left) if beyond < inf else wanted
 
 
-GAZEBO_JUMP = 0.01
-"""m/s; the band of the Gazebo plugin's rule, see ``WheelRamp.jump``."""
-
-
 @dataclass(frozen=True)
 class WheelRamp:
     """How fast a wheel's rim changes its speed, m/s2: under command, and to a stop; inf: at once.

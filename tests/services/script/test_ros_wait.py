@@ -7,7 +7,7 @@ import threading
 
 from services.script.kernel import ScriptKernel
 from services.script.ros_wait import wait_for
-from services.script.testing import memory_kernel
+from tests.harness.memory_kernel import memory_kernel
 
 S = 10**9
 PATIENCE_S = 10.0
