@@ -10,10 +10,9 @@ from messages.joints import JointTarget
 from messages.std import Empty
 from models.urdf import JointLimits
 from services.controller_manager.config import ControllerConfig, ManagerConfig, hardware_gain_set
-from services.controller_manager.controller import MAX_GAP_S, Controller, Ports
+from services.controller_manager.controller import MAX_GAP_S, Controller, Ports, RobotState
 from services.controller_manager.joint_controller import JointController
 from services.controller_manager.joint_pid import JointPid, PidParameters
-from services.controller_manager.robot_state import RobotState
 from services.controller_manager.trajectory_controller import TrajectoryController
 from services.runtime.errors import BadInput, unknown_name
 

@@ -11,9 +11,8 @@ from messages.names import absolute_namespace
 from messages.topics import ROSOUT, WORLD_MARKERS, WORLD_STATES
 from models.model import read_model
 from services.logger import LoggerParameters
-from services.logger.display_subscriptions import DisplaySubscriptions
 from services.logger.file_rotation import rotate
-from services.logger.subscriptions import RobotSubscriptions
+from services.logger.subscriptions import DisplaySubscriptions, RobotSubscriptions
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 

@@ -28,9 +28,8 @@ from services.runtime.transport.api import Reply, Transport
 from services.runtime.transport.wire import member_id
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from services.script.api import GraphEntry, Origin, Parameters, ScriptStopped, TimeMovedBackwards
-from services.script.budget import CALL
+from services.script.budget import CALL, GazeboCalls
 from services.script.clock import ScriptClock
-from services.script.gazebo_calls import GazeboCalls
 from services.script.lockstep_network import SCRIPT, LockstepNetwork
 from services.script.network import Network
 from services.script.node_loop import LockstepLoop, NodeLoop, RealTimeLoop

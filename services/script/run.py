@@ -26,11 +26,10 @@ from services.runtime.transport.api import Transport
 from services.runtime.transport.unix_sockets import is_listening
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration, default_router, endpoint
-from services.script.api import ScriptStopped
+from services.script.api import ScriptStopped, set_kernel
 from services.script.interface_finder import install
 from services.script.kernel import KernelOptions, ScriptKernel
 from services.script.loader import SITE_PACKAGES, Keyboard, ScriptLoader, loop_pass, pin_randomness, python2_builtins
-from services.script.process import set_kernel
 from services.script.script_time import ScriptTime, datetime_module, time_module
 from services.script.source import PASS
 from services.script.turn_threading import queue_module, thread_module, threading_module

@@ -7,8 +7,8 @@ import time
 import rosnode
 import rospy
 
-from services.script.discovery import settle
-from services.script.process import kernel
+from services.script.api import kernel
+from services.script.waits import settle
 
 
 def kill(args):

@@ -7,7 +7,7 @@ import rospy
 import rosservice
 import yaml
 
-from services.script.discovery import settle
+from services.script.waits import settle
 
 COMMANDS = ("args", "call", "find", "info", "list", "type", "uri")
 

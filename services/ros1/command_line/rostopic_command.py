@@ -11,7 +11,7 @@ import rospy
 import rostopic
 import yaml
 
-from services.script.discovery import settle
+from services.script.waits import settle
 
 COMMANDS = ("bw", "delay", "echo", "find", "hz", "info", "list", "pub", "type")
 

@@ -9,9 +9,8 @@ import pytest
 from messages.controllers import SwitchController
 from messages.std import Empty
 from services.controller_manager.config_file import parse_config
-from services.controller_manager.controller import Ports
+from services.controller_manager.controller import CommandLimiter, JointReading, Ports
 from services.controller_manager.manager import ControllerManager
-from services.controller_manager.robot_state import CommandLimiter, JointReading
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.runtime.parameters.base import Parameters

@@ -15,7 +15,7 @@ from messages.sensor import LaserScan
 from messages.std import Header, Time
 from messages.tf import TFMessage
 from messages.topics import GROUND_TRUTH, SCAN, TF, TF_STATIC
-from services.driving.laser import scan_points
+from services.driving.displays import scan_points
 from services.logger import SERVICE, LoggerParameters
 from services.logger.columns import RobotColumns
 from services.logger.scans import ScanBuffer

@@ -6,7 +6,7 @@ import queue
 import threading
 
 from services.script.kernel import ScriptKernel
-from services.script.ros_wait import wait_for
+from services.script.waits import wait_for
 from tests.harness.memory_kernel import memory_kernel
 
 S = 10**9
