@@ -13,7 +13,7 @@ from models.bodies import BodyPart, MeshShape, WorldDescription
 from models.floor_plan import MAX_PIXELS
 from models.mesh import Mesh
 from models.shape_mesh import placed, shape_mesh
-from services.driving.footprint import convex_hull
+from services.markers.footprint import convex_hull
 
 MARGIN = 0.5
 """m of free ground around the outermost body."""

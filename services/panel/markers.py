@@ -15,8 +15,8 @@ from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import GOAL_POSE, PLAN, SCAN, TF, TF_STATIC, WORLD_MARKERS
 from messages.visualization import Marker
-from services.driving.displays import DISPLAYED, MarkerSet, markers_of
-from services.driving.footprint import (
+from services.markers.displays import DISPLAYED, MarkerSet, markers_of
+from services.markers.footprint import (
     box_footprint,
     cylinder_footprint,
     points_footprint,
@@ -24,7 +24,7 @@ from services.driving.footprint import (
     transformed,
     triangle_footprints,
 )
-from services.driving.world_bodies import MAX_TRIANGLES, marker_triangles
+from services.markers.world_bodies import MAX_TRIANGLES, marker_triangles
 from services.panel.clock import SimTimeMap
 from services.panel.graph import NodeGraph
 from services.panel.protocol import as_json

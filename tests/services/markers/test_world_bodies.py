@@ -13,8 +13,8 @@ from messages.geometry import Point, Pose, Vector3
 from messages.se3 import Pose3
 from messages.visualization import Marker, MarkerArray
 from models.mesh import Mesh, write_stl
-from services.driving.footprint import NearestBody
-from services.driving.world_bodies import WorldBody, world_bodies
+from services.markers.footprint import NearestBody
+from services.markers.world_bodies import WorldBody, world_bodies
 
 SQUARE = ((0, 1, 2), (0, 2, 3))
 

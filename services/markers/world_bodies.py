@@ -15,7 +15,7 @@ from messages.errors import BadInput
 from messages.se3 import Pose3
 from messages.visualization import Marker, MarkerArray
 from models.mesh import Mesh, hull_points, read_mesh
-from services.driving.footprint import (
+from services.markers.footprint import (
     Footprint,
     box_footprint,
     cylinder_footprint,
