@@ -35,7 +35,7 @@ COMMANDS = {
     "record": LazyCommand("bag:record_command", "Record topics, or all of them, until Ctrl-C."),
     "play": LazyCommand("bag:play_command", "Play a bag back on simulated time."),
     "info": LazyCommand("bag:info_command", "Show what a bag holds."),
-    "export": LazyCommand("bag:export_command", "Convert a bag to CSV, for the viewer, or to a whole bag."),
+    "export": LazyCommand("bag:export_command", "Convert a bag to CSV or to a viewer recording, or repair it."),
 }
 
 

@@ -239,7 +239,7 @@ def arm_lines(robots: Mapping[str, Figures]) -> list[str]:
 
 
 def square_lines(robots: Mapping[str, Figures]) -> list[str]:
-    """For each robot that drove a closed way: how it met the corners, and how the way closed."""
+    """For each robot that drove a closed path: how it met the corners, and how the path closed."""
     lines = []
     for name, each in _driving(robots).items():
         met = [corner for corner in each.corners if corner is not None]

@@ -54,7 +54,7 @@ class TrajectoryController:
                     JointTrajectoryControllerState,
                     self._terms.state_publish_rate,
                     Quality.SENSOR,
-                    "where the joints shall be, and are",
+                    "desired and actual state of the joints",
                 )
             )
             for each in names

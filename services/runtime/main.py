@@ -190,16 +190,16 @@ def network_options() -> list[click.Option]:
     levels, topologies = click.Choice(["debug", "info", "warn", "error"]), click.Choice(["direct", "star"])
     return [
         option(
-            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; yours, of port 7447, by default."
+            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; your own on port 7447 by default."
         ),
         option(["--domain"], default="", help="Domain of the fleet; it keeps fleets of one network apart."),
         option(
-            ["--topology"], type=topologies, default="direct", help="Connect to nodes directly, or by the router alone."
+            ["--topology"], type=topologies, default="direct", help="Connect to nodes directly, or only via the router."
         ),
-        option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),
-        option(["--await-params"], is_flag=True, help="Begin only once there is a parameter service."),
+        option(["--lockstep"], is_flag=True, help="Run in lockstep: the simulation waits for this node."),
+        option(["--await-params"], is_flag=True, help="Start only once there is a parameter service."),
         option(["--log-level"], type=levels, default="info", help="Log this level and above."),
-        option(["--print-config"], is_flag=True, help="Show what would run, and end."),
+        option(["--print-config"], is_flag=True, help="Show what would run, and exit."),
     ]
 
 
