@@ -22,7 +22,7 @@ def parameter_tree(table: Mapping[str, Any], where: str) -> Tree:
 
 
 def set_parameter(tree: Tree, key: str, value: Any) -> None:
-    """Set a value or, with a dict, merge a branch into the tree; a value in the way gives place."""
+    """Set a value or, with a dict, merge a branch into the tree; a value in the way is replaced."""
     *above, last = [part for part in key.split("/") if part] or [""]
     for part in above:
         inner = tree.get(part)

@@ -1,4 +1,4 @@
-"""Angles that people write, in rad, and the error for one that was meant in degrees."""
+"""Angles in files, in rad, and the error for one that was probably written in degrees."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ MAX_CAMERA_RATE = 10.0
 """Hz, for the same reason."""
 
 _STEP_RATE = 200.0
-"""Physics steps in a second: what happens regularly happens every so many steps."""
+"""Physics steps per second; every period is a whole number of steps."""
 
 
 @dataclass(frozen=True)

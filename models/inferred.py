@@ -33,7 +33,7 @@ MAX_PLAUSIBLE_SPEED = 10.0
 """m/s; a limit of a joint that comes to more means "none"."""
 
 ENDLESS = 1000.0
-"""rad; a revolute joint with more room than this is meant to be continuous."""
+"""rad; a revolute joint with a wider range than this counts as continuous."""
 
 ROLL_DIRECTIONS = 24
 """In which a wheel is measured around its axle."""
@@ -56,7 +56,7 @@ class Wheel:
 
 
 class InferredModel(NamedTuple):
-    """A model, and remarks on what was chosen for lack of a word."""
+    """A model, and remarks on what was chosen because nothing states it."""
 
     model: RobotModel
     notes: tuple[str, ...]
@@ -116,7 +116,7 @@ def turns_for_ever(joint: Joint) -> bool:
 
 
 def rolling_joints(robot: RobotDescription) -> list[Joint]:
-    """The joints that turn for ever about an axle that lies across: what wheels turn on, driven or not."""
+    """The continuous joints with a transverse axle: those of wheels, driven or not."""
     poses = link_poses(robot)
     return [
         joint
@@ -283,7 +283,7 @@ class _Inference:
         )
 
     def _mounts(self) -> set[str]:
-        """The root and the links that hang on it without a joint that turns for ever: a rocker may, no swivel."""
+        """The root and the links attached to it without a continuous joint: a rocker counts, a swivel does not."""
         links = {self._robot.root}
         for _ in self._robot.joints:
             more = {

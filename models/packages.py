@@ -109,7 +109,7 @@ class PackagePath:
         return tuple(Path(each) for each in self.environment.get(variable, "").split(os.pathsep) if each)
 
     def _names(self, source: Path) -> Iterator[str]:
-        """Names that may have been meant."""
+        """Names that are similar."""
         parents = list(Path(os.path.abspath(source)).parents)[:6]
         yield from (package_name(each) or each.name for each in parents)
         for folder in (*parents[1:4], *self.roots()):

@@ -79,7 +79,7 @@ def bodies_of_sdf_model(
     packages: Sequence[Path] = (),
     access: FileAccess = OWNER,
 ) -> WorldDescription:
-    """The bodies of the model that a text describes, and what of it was not understood; raises BadWorld.
+    """The bodies of the model that a text describes, and notes on what was not understood; raises BadWorld.
 
     Args:
         text: SDF with one model.

@@ -53,7 +53,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class LinkShapes:
-    """What a link collides as, what one sees of it, and remarks on what of it is left out."""
+    """The collision shapes and the visible shapes of a link, and remarks on what is left out."""
 
     collisions: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()

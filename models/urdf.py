@@ -388,7 +388,7 @@ def _mimic(element: ElementTree.Element, name: str) -> Mimic:
 
 
 def _axis(element: ElementTree.Element, name: str, kind: str) -> Vector:
-    """The unit vector of the axis; x when none is given, or none is meant."""
+    """The unit vector of the axis; x when there is none or it has no direction."""
     if kind in ("fixed", "floating"):
         return 1.0, 0.0, 0.0
     axis = _vector(element, "axis", "xyz", (1.0, 0.0, 0.0), f"joint {name!r}")

@@ -134,7 +134,7 @@ class MeshKeys(BodyKeys, frozen=True, kw_only=True, tag="mesh"):
 
 
 class HeightMapKeys(BodyKeys, frozen=True, kw_only=True, tag="height_map"):
-    """Ground whose height a picture tells, from black at the first to white at the second of ``height``."""
+    """Ground whose height is given by a picture, from black at the first to white at the second of ``height``."""
 
     image: str
     resolution: Annotated[float, Meta(gt=0, le=1000, extra={"unit": "m"})]

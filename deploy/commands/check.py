@@ -1,4 +1,4 @@
-"""``elea check``: what a developer runs before each commit, and the Git hook that does it."""
+"""``elea check``: the checks before each commit, and the Git hook that runs them."""
 
 from __future__ import annotations
 

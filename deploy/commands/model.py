@@ -1,4 +1,4 @@
-"""``elea model``: the robots that there are, and what is understood of a robot's file."""
+"""``elea model``: list the robot models, and check a robot's file."""
 
 from __future__ import annotations
 

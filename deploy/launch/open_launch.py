@@ -1,4 +1,4 @@
-"""From the words of ``roslaunch`` to a launch file that is read, and to its fleet."""
+"""Finds and reads the launch file that the arguments of ``roslaunch`` name, and makes its fleet."""
 
 from __future__ import annotations
 

@@ -329,7 +329,7 @@ MEDIAN_ROW = "all"
 
 
 def _rest_lines(names: list[str], report: Report) -> list[str]:
-    """What is said of the robots without a row, of which the command that shows them all tells more."""
+    """A line about the robots without a row, with the command that shows them all."""
     if not names:
         return []
     missed = missed_checks(report)

@@ -1,4 +1,4 @@
-"""What each command of ROS 1 does here: a verb of Elea, a program with its output, or a word that it is not needed."""
+"""What each command of ROS 1 does here: it runs a verb of Elea or a program of ROS's output, or is not needed."""
 
 from __future__ import annotations
 

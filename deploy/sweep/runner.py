@@ -30,7 +30,7 @@ RUNS_FOLDER = "runs"
 LOG_FILE = "up.log"
 """What ``up`` wrote, in the folder of a run."""
 FIRST_PORT, LAST_PORT = 20_000, 29_999
-"""Ports that tell the fleets of sweeps apart; nothing listens on them."""
+"""Ports that identify the fleets of sweeps; nothing listens on them."""
 _STOP_S = 60.0
 """Wall time in which a run that is interrupted must have ended."""
 

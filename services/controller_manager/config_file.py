@@ -1,4 +1,4 @@
-"""Reads the YAML files of ros_control and ros2_control: what is wrong in one is told with file and line."""
+"""Reads the YAML files of ros_control and ros2_control; errors name file and line."""
 
 from __future__ import annotations
 

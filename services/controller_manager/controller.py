@@ -45,8 +45,8 @@ def shortest_angle(start: float, end: float) -> float:
 class CommandLimiter:
     """Keeps commands within the limits of the URDF; ``limited`` counts those that were not, and ``warn`` says why.
 
-    A velocity limit of 0 or none is no limit, as in most URDFs; ``effort`` is limited without a word, as the output of
-    a PID often is.
+    A velocity limit of 0 or none is no limit, as in most URDFs; ``effort`` is limited without a warning, since the
+    output of a PID often is.
     """
 
     def __init__(self, warn: Callable[[str], None]) -> None:
@@ -55,11 +55,11 @@ class CommandLimiter:
         self._warn = warn
 
     def is_continuous(self, joint: str) -> bool:
-        """Whether a joint turns for ever."""
+        """Whether a joint is continuous."""
         return joint in self.limits and self.limits[joint].kind == "continuous"
 
     def error(self, joint: str, wanted: float, position: float) -> float:
-        """``wanted`` less ``position``, the shorter way round for joints that turn for ever, rad or m."""
+        """``wanted`` minus ``position`` [rad or m], the shorter way round for continuous joints."""
         return shortest_angle(position, wanted) if self.is_continuous(joint) else wanted - position
 
     def position(self, controller: str, joint: str, value: float) -> float:

@@ -111,7 +111,7 @@ class ControllerManager:
             each.read(now, refusal)
 
     def halt(self, reason: str, now: int) -> None:
-        """Let all controllers begin anew, once the joints are seen again."""
+        """Restart all controllers once the joints are seen again."""
         for name in tuple(self._started):
             self._halt(name, reason, now)
         for pid in self._hardware.values():

@@ -24,7 +24,7 @@ class JointPoint(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """Where joints shall be: positions, velocities and accelerations."""
+    """Desired positions, velocities and accelerations of joints."""
 
     positions: Values
     velocities: Values

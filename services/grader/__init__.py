@@ -20,7 +20,7 @@ class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class SizeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The room that robot ``name`` takes: a circle of ``radius`` [m] around its base frame, in which it reaches from
+    """The size of robot ``name``: a circle of ``radius`` [m] around its base frame, in which it reaches from
     ``bottom`` to ``top`` [m]; without a top, to any height."""
 
     name: str

@@ -1,4 +1,4 @@
-"""What is drawn of a message: markers, as which the viewer and the panel show paths, poses, maps and scans as well."""
+"""Messages as markers: how the viewer and the panel draw paths, poses, maps and scans."""
 
 from __future__ import annotations
 

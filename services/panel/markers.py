@@ -37,9 +37,9 @@ PERIODS_S = {LaserScan.ROS_TYPE: 0.2, OccupancyGrid.ROS_TYPE: 2.0}
 """Wall time between two messages of a topic that are drawn, for types that come often or cost much."""
 MAX_TOPICS = 32
 MAX_GONE = 10_000
-"""Markers that are not shown any more, which pages are told of."""
+"""Number of removed markers that are kept, so that pages can remove them."""
 MAX_MARKERS = 5000
-"""Markers of a topic that are shown; the oldest give way."""
+"""Markers of a topic that are shown; the oldest are dropped."""
 
 
 Floats = NDArray[np.float64]

@@ -134,7 +134,7 @@ class PageRegistry:
         self._wake()
 
     def submit(self, page: Page, said: ClientMessage) -> bool:
-        """Hand on what a page says; False when the loop is too far behind to take it."""
+        """Queue a message of a page; False when the loop is too far behind."""
         with self._lock:
             taken = len(self._queue) < MAX_QUEUED_MESSAGES
             if taken:

@@ -32,7 +32,7 @@ TopicType = tuple[str, str]
 
 
 class Plots:
-    """Reads the topics that pages wish for, once each; a topic that is not there yet is taken up when it comes."""
+    """Subscribes once to each topic that pages plot; one that does not exist yet is subscribed to when it appears."""
 
     def __init__(self, subscriptions: SharedSubscriptions, graph: NodeGraph, time: SimTimeMap) -> None:
         self._subscriptions, self._graph, self._time = SubscriptionGroup(subscriptions), graph, time
@@ -52,7 +52,7 @@ class Plots:
         return any(want.series or want.fields for want in self._requested.values())
 
     def set_subscription(self, page: Page, want: Subscribe | None) -> None:
-        """What a page wishes for from now on; None when it is gone."""
+        """Set what a page plots from now on; None when it is gone."""
         if want is None:
             self._requested.pop(page, None)
             self._sent_units.pop(page, None)
@@ -72,7 +72,7 @@ class Plots:
             self._send_fields()
 
     def _reconcile(self) -> None:
-        """Hold what is wished and there."""
+        """Subscribe to the topics that are requested and exist."""
         self._steps = {}
         names: set[str] = set()
         for want in self._requested.values():

@@ -1,4 +1,4 @@
-"""What a page asks of other nodes: the request behind each word, with a deadline, while the loop goes on."""
+"""Requests of pages to other nodes: one for each client message, with a deadline, without blocking the loop."""
 
 from __future__ import annotations
 

@@ -285,7 +285,7 @@ class BagRecorder:
         return self._channels.setdefault((topic, f"{made.encoding} {made.type}"), made)
 
     def _check_disk(self) -> None:
-        """Warn while there is still time to make room."""
+        """Warn while there is still time to free space."""
         now = time.monotonic()
         if now - self._disk_checked < DISK_CHECK_PERIOD_S:
             return

@@ -1,4 +1,4 @@
-"""The exception tree; classes defined in other modules are listed with the module's name.
+"""The exception tree; classes of other modules are listed with the module's name.
 
 EleaError
 ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2

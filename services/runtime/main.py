@@ -87,7 +87,7 @@ def run_command_line(service: Service, arguments: list[str], program: str | None
 def run_program(
     name: str, command: click.Command, arguments: list[str], program: str | None, run: Callable[[dict[str, Any]], None]
 ) -> None:
-    """Run with the options that ``command`` makes of ``arguments``, None if there is nothing to run; ends the process.
+    """Run with the options that ``command`` parses from ``arguments``, if there is anything to run; ends the process.
 
     Args:
         name: Of the program, for its messages.

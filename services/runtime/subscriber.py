@@ -134,7 +134,7 @@ class Subscriber(Generic[M]):
         self._capacity = capacity or queue_size(topic.largest, topic.quality is Quality.EVENT, decode is not None)
         past = topic.quality is Quality.LATCHED if latched is None else latched
         self._stirred = not rare
-        """Whether there may be samples; always, unless the network tells."""
+        """Whether there may be samples; always True unless the network notifies."""
         self._rare = rare
         if threaded:
             self.raw: RawSubscriber = transport.subscribe_threaded(key, self._capacity, past)

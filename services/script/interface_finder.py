@@ -1,4 +1,4 @@
-"""Imports of message packages: ``std_msgs.msg``, ``my_pkg.srv``, ``my_pkg.cfg.TutorialsConfig``, made of definitions.
+"""Imports of message packages: ``std_msgs.msg``, ``my_pkg.srv``, ``my_pkg.cfg.TutorialsConfig``, from definitions.
 
 The finder stands before Python's own for these submodules, whatever ``<pkg>`` itself is: the package's own modules in
 ``src/<pkg>``, a library of ours, or, if there is neither, an empty package that the finder makes.

@@ -219,7 +219,7 @@ def pin_randomness(seed: int, node: str) -> Callable[[str], None]:
 
 
 class Keyboard(io.TextIOBase):
-    """Standard input of a script in lockstep: whoever reads it gives the baton away meanwhile."""
+    """Standard input of a script in lockstep: a thread that reads it hands over the turn meanwhile."""
 
     def __init__(self, stream: Any, outside: Callable[[str], Any]) -> None:
         self._stream, self._outside = stream, outside

@@ -31,7 +31,7 @@ ENDS: Topic[Any] = Topic(
 SCRIPT = "script"
 """The kind of node, as its token states it."""
 TELLING = (SCRIPT, "turtlesim")
-"""The kinds of nodes that tell what they have; their tokens do not count."""
+"""The kinds of nodes that announce what they have; their tokens do not count."""
 
 
 class End(msgspec.Struct, frozen=True):

@@ -269,7 +269,7 @@ class OwnTime:
 
 
 def run_delay(thread: threading.Thread) -> float:
-    """How long a thread has waited for a processor so far [s]; 0 where the system does not tell, as Linux does."""
+    """How long a thread has waited for a processor so far [s]; 0 where the system, unlike Linux, does not report it."""
     try:
         return int(Path(f"/proc/self/task/{thread.native_id}/schedstat").read_text().split()[1]) / 1e9
     except (OSError, ValueError, IndexError):

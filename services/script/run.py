@@ -48,7 +48,7 @@ message: with Python's 5 ms, a script that imports its libraries kept it from ac
 HOOKS_S = 5.0
 """Wall time [s] that the hooks of the shutdown may take at a signal; what they wait for is then ended."""
 STILL_S = 1.5
-"""Wall time [s] without a change of time after which hooks wait for it in vain: the simulation may have gone first."""
+"""Wall time [s] without a change of time after which hooks stop waiting for it: the simulation may have ended first."""
 _LATE_LOOKS = 4
 """Looks or waits after which a script that was asked to end is taken to go on with its loop."""
 _INTERRUPTS = 3

@@ -15,7 +15,7 @@ from services.script.api import ServiceRefused, ServiceUnavailable
 from services.script.threads import Threads, Worker
 
 FOREVER_S = 86400.0
-"""Wall time [s] that a call waits without a timeout of its own; one of ROS waits for ever."""
+"""Wall time [s] that a call waits without a timeout of its own; ROS's waits indefinitely."""
 
 _read_refusal = decoder(Refusal)
 

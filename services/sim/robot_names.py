@@ -86,7 +86,7 @@ def named_model(model: RobotModel, parameters: BaseParameters, prefix: str) -> R
 
 
 def odometry_child(model: RobotModel, parameters: BaseParameters, prefix: str) -> str:
-    """The frame whose place odometry tells, without the prefix."""
+    """The child frame of odometry, without the prefix."""
     stated = parameters.base_frame_id
     return model.base_frame if stated is None else _bare(stated, prefix)
 

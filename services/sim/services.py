@@ -175,7 +175,7 @@ def world_body_model_state(world: World, name: str, relative_entity: str = "") -
 
 
 def pose_from_msg(pose: Pose) -> Pose3:
-    """A pose as the world takes it; raises BadInput when its quaternion has no direction."""
+    """A pose for the world; raises BadInput when its quaternion has no direction."""
     p, q = pose.position, pose.orientation
     norm = (q.x**2 + q.y**2 + q.z**2 + q.w**2) ** 0.5
     if norm < 1e-6:

@@ -198,7 +198,7 @@ class ParameterClient:
             self._announce(followed)
 
     def detach(self, followed: ParameterSet) -> None:
-        """Stop following a set, and tell the parameter service."""
+        """Stop following a set, and notify the parameter service."""
         self._sets.remove(followed)
         self._asking.pop(followed, None)
         if self.available:

@@ -42,7 +42,7 @@ class ParameterTree:
         return _copy(self._find(key))
 
     def set(self, key: str, value: Any) -> None:
-        """Set a value or, with a dict, a whole branch. A value above it gives way to a branch.
+        """Set a value or, with a dict, a whole branch. A value above it is replaced by a branch.
 
         Raises:
             BadInput: It is no parameter, or the root and no dict.

@@ -1,4 +1,4 @@
-"""The transforms as a loop sees them: as of the start of the tick."""
+"""The transforms for a loop, as of the start of the tick."""
 
 from __future__ import annotations
 

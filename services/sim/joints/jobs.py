@@ -70,7 +70,7 @@ class JobQueue(Generic[T]):
         return count
 
     def publisher_lost(self, source: bytes) -> None:
-        """A publisher is gone: what it meant to last until cleared ends, all else at its own end."""
+        """A publisher is gone: its jobs that last until cleared end now, the others at their own end."""
         self._jobs = [job for job in self._jobs if job.source != source or job.end < inf]
 
     def active(self, now: int) -> list[T]:
