@@ -15,7 +15,7 @@ def parameter_tree(table: Mapping[str, Any], where: str) -> Tree:
     tree: Tree = {}
     for key, value in table.items():
         if not key.strip("/"):
-            raise BadInput(f"{where}: {key!r} is no name of a parameter")
+            raise BadInput(f"{where}: {key!r} is not a valid parameter name")
         inner = parameter_tree(value, where) if isinstance(value, dict) else _checked(value, key, where)
         set_parameter(tree, key, inner)
     return tree

@@ -18,7 +18,7 @@ from services.markers.footprint import convex_hull
 MARGIN = 0.5
 """m of free ground around the outermost body."""
 STEP_HEIGHT = 0.05
-"""m; what is lower is no obstacle on the map."""
+"""m; what is lower is not an obstacle on the map."""
 
 Floats = NDArray[np.float64]
 

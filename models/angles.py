@@ -17,7 +17,7 @@ _KEYS = {"yaw", "rpy"}
 
 
 def angle_fault(value: object, path: Sequence[TomlKey] = ("yaw",)) -> str:
-    """What is wrong with the angle at ``path`` of a file; empty if nothing is, or if it is no angle."""
+    """What is wrong with the angle at ``path`` of a file; empty if nothing is, or if it is not an angle."""
     if not isinstance(value, int | float) or not math.isfinite(value) or abs(value) <= MAX_ANGLE:
         return ""
     if not _KEYS.intersection(path[-2:]):

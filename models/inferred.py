@@ -347,7 +347,7 @@ class _Inference:
         frame = config.mount.frame
         if frame and frame not in links:
             self._notes.append(
-                f"{self._name}: the {kind}'s frame {frame!r} is no link: its messages are in {config.link!r}"
+                f"{self._name}: the {kind}'s frame {frame!r} is not a link: its messages are in {config.link!r}"
             )
             config = msgspec.structs.replace(config, mount=msgspec.structs.replace(config.mount, frame=""))
         return config

@@ -70,7 +70,7 @@ class PackagePath:
     def find(self, name: str, source: Path, kind: str = "package") -> Path:
         """The folder of the package ``name`` that the file ``source`` names; raises FileNotAllowed."""
         if not re.fullmatch(r"[A-Za-z0-9_.-]+", name) or name in (".", ".."):
-            raise FileNotAllowed(f"{name[:80]!r} is no name of a {kind}")
+            raise FileNotAllowed(f"{name[:80]!r} is not a valid {kind} name")
         for folder in self._candidates(name, source, kind):
             if folder.is_dir():
                 return folder

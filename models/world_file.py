@@ -325,7 +325,7 @@ class _TomlWorld:
 
     def _light(self, light: LightKeys, index: int) -> Light:
         if not math.isfinite(sum(light.direction)) or not any(light.direction):
-            raise BadWorld(f"{self._source.location('lights', index, 'direction')}: this is no direction")
+            raise BadWorld(f"{self._source.location('lights', index, 'direction')}: this is not a direction")
         return Light(light.name, light.direction, self._colour(light.colour, "lights", index)[:3])
 
     def _check_names(self, file: WorldFile) -> None:

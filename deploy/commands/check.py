@@ -98,7 +98,7 @@ def install_pre_commit_hook(root: Path) -> Path:
         ["git", "rev-parse", "--git-path", "hooks/pre-commit"], cwd=root, capture_output=True, text=True, check=False
     )
     if found.returncode:
-        raise BadInput(f"{root} is no Git repository: {found.stderr.strip()}")
+        raise BadInput(f"{root} is not a Git repository: {found.stderr.strip()}")
     hook = root / found.stdout.strip()
     if hook.exists() and hook.read_text() != _HOOK:
         raise BadInput(f"{hook} exists already: add a line ./elea check to it, or remove it first")

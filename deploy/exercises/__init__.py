@@ -31,7 +31,7 @@ def make_exercise(name: str, kind: str, parent: Path) -> Path:
         The new folder.
 
     Raises:
-        BadInput: The name is no name, the folder is there already or cannot be written.
+        BadInput: The name is not valid, or the folder exists already or cannot be written.
     """
     if kind not in EXERCISES:
         raise unknown_name("exercise", kind, EXERCISES)

@@ -108,7 +108,7 @@ def read_axes(seeds: str, assignments: Sequence[str]) -> tuple[Axis, ...]:
         key = " ".join(key.split())
         if not equals or not key:
             raise BadInput(
-                f"--set {text!r} is no assignment: write KEY=VALUE,VALUE, as waypoint.max_linear=0.1,0.2, or "
+                f"--set {text!r} is not an assignment: write KEY=VALUE,VALUE, as waypoint.max_linear=0.1,0.2, or "
                 "'SET NAME=VALUE,VALUE', as '/tb3_0/waypoint max_linear=0.1,0.2'"
             )
         if any(each.key == key for each in axes):

@@ -77,7 +77,7 @@ def read_definition(folder: Path) -> Definition:
     try:
         return msgspec.json.decode(file.read_bytes(), type=Definition)
     except OSError as error:
-        raise BadInput(f"{folder} is no folder of a sweep: {file}: {error.strerror}") from None
+        raise BadInput(f"{folder} is not a folder of a sweep: {file}: {error.strerror}") from None
     except DECODE_ERRORS as error:
         raise BadInput(f"{file} is damaged: {error}") from None
 

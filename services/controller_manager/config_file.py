@@ -232,7 +232,7 @@ class _Reader:
             type_name, type_path = types[found.name]
         else:
             near = did_you_mean(found.name, types)
-            self._notes.append(f"{self._source.location(*path)}: {found.name} is no controller that has a type{near}")
+            self._notes.append(f"{self._source.location(*path)}: {found.name} is not a controller with a type{near}")
             return None
         where = self._source.location(*type_path)
         if type_name in OF_THE_SIMULATION:
@@ -245,7 +245,7 @@ class _Reader:
             error = unknown_name("type of controller", type_name, TYPES, f"{where}: {found.name}")
             raise BadInput(f'{error}; to leave it out, name those to run: controllers = ["NAME"]')
         if not _NAME.fullmatch(found.name):
-            raise BadInput(f"{where}: {found.name[:80]!r} is no name of a controller: letters, digits and _")
+            raise BadInput(f"{where}: {found.name[:80]!r} is not a valid controller name: letters, digits and _")
         each = TYPES[type_name]
         table = {**table, "type": type_name}
         head = _Head(found.name, type_name, where)

@@ -113,4 +113,4 @@ class RequestClient:
             case History():
                 return PARAMS_HISTORY, HistoryOf(set=said.set, limit=said.limit)
             case _:
-                raise BadInput(f"{type(said).__name__} is no request of another node")
+                raise BadInput(f"{type(said).__name__} is not a request of another node")

@@ -105,7 +105,7 @@ def _validate_description(described: ParameterDescription, where: str) -> Parame
     name = described.name
     if not _NAME.fullmatch(name) or len(name) > 255:
         raise BadInput(
-            f"{where}: {name[:80]!r} is no name of a parameter: letters, digits and '_', parts joined by '.'"
+            f"{where}: {name[:80]!r} is not a valid parameter name: letters, digits and '_', parts joined by '.'"
         )
     parts = parse_type(described.type)
     if parts is None:

@@ -94,7 +94,7 @@ class Parameters(Protocol):
         ...
 
     def set(self, key: str, value: Any) -> None:
-        """Set a value or, with a dict, a whole branch; raises BadInput for what is no parameter."""
+        """Set a value or, with a dict, a whole branch; raises BadInput for what is not a parameter."""
         ...
 
     def delete(self, key: str) -> None:

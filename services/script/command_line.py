@@ -85,7 +85,7 @@ def _check(**options: Any) -> dict[str, Any] | None:
         raise BadInput(str(error)) from None
     file = Path(options["file"])
     if not file.is_file():
-        raise BadInput(f"{file}: there is no such file" if not file.exists() else f"{file} is no file")
+        raise BadInput(f"{file}: there is no such file" if not file.exists() else f"{file} is not a file")
     options["lockstep"] = options["lockstep"] and not options["wall_time"]
     if options["lockstep"] and not options["name"]:
         options["name"] = legal_node_name(file.stem) or "script"

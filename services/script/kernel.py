@@ -520,7 +520,7 @@ class ScriptKernel:
         return self.node.identity.node if self.node is not None else f"/_script_{self.transport.session[:12]}"
 
     def _excuse(self, reason: str) -> None:
-        """Say in the log and in the report that the run need not repeat; it is no fault."""
+        """Say in the log and in the report that the run need not repeat; it is not a fault."""
         self._say(reason)
         if self.node is not None:
             stated = Check(name="reads_input", value=1.0, min=0.0, max=1.0, reason=reason)

@@ -134,7 +134,7 @@ def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
 
 
 def _check_prefix(prefix: str) -> None:
-    """Raise BadName for a prefix with which ``odom`` is no legal name of a frame."""
+    """Raise BadName for a prefix with which ``odom`` is not a legal name of a frame."""
     if prefix[:1] in ("/", "~"):
         raise BadName(f"the frame_prefix {prefix[:255]!r} begins with {prefix[0]!r}: a frame has no leading slash")
     validate(f"{prefix}odom")

@@ -179,7 +179,7 @@ def pose_from_msg(pose: Pose) -> Pose3:
     p, q = pose.position, pose.orientation
     norm = (q.x**2 + q.y**2 + q.z**2 + q.w**2) ** 0.5
     if norm < 1e-6:
-        raise BadInput("the orientation (0, 0, 0, 0) is no rotation; (0, 0, 0, 1) is the identity")
+        raise BadInput("the orientation (0, 0, 0, 0) is not a rotation; (0, 0, 0, 1) is the identity")
     return Pose3((p.x, p.y, p.z), (q.x / norm, q.y / norm, q.z / norm, q.w / norm))
 
 

@@ -87,7 +87,7 @@ def test_what_is_wrong_with_it_is_told_with_file_and_line(tmp_path: Path) -> Non
     cases = {
         ", parameters = { day = 2020-01-01 }": r"own\.toml:9: day: a parameter is text, a number",
         ', cwd = "nowhere"': r"own\.toml:9: there is no folder .*nowhere",
-        ', environment = { "A=B" = "c" }': r"own\.toml:9: 'A=B' is no name of a variable",
+        ', environment = { "A=B" = "c" }': r"own\.toml:9: 'A=B' is not a valid variable name",
         ', from_start = ["goals"]': r"own\.toml:9: from_start is for services",
     }
     for more, said in cases.items():

@@ -214,7 +214,7 @@ def test_a_xacro_is_expanded_without_ros(tmp_path: Path, monkeypatch: pytest.Mon
         '\n\n<link name="$(arg what)"/>': "wrong.xacro:3: it needs the argument what: give it by xacro_args",
         "\n<xacro:nothing/>": "wrong.xacro:2: unknown macro name: xacro:nothing",
         '<link name="${1 +}"/>': "wrong.xacro:1: ",
-        "<a></b>": "wrong.xacro:1: this is no XML",
+        "<a></b>": "wrong.xacro:1: this is not XML",
         '<xacro:include filename="missing.xacro"/>': "wrong.xacro:1: .*No such file",
         '<xacro:include filename="$(find my_descriptoin)/a"/>': "'my_descriptoin'; did you mean 'my_description'",
         '<xacro:include filename="wrong.xacro"/>': "includes itself",
@@ -316,7 +316,7 @@ def test_what_urdfs_in_the_wild_lack_is_assumed_and_told(tmp_path: Path) -> None
         "with products of inertia that no body has: these are left out: products",
         "floating and planar joints, which are fixed here: d, f",
         "joints that mimic others, which move freely here as in Gazebo: c",
-        f"{path}: line 14: link 'weightless': collision is a 'cone', which is no shape of a URDF: it is left out",
+        f"{path}: line 14: link 'weightless': collision is a 'cone', which is not a shape of a URDF: it is left out",
     ):
         assert each in told
     inertias = {each.name: each.inertia for each in parse_urdf(physics_urdf_path(found.model).read_text()).links}

@@ -571,7 +571,7 @@ class Barrier:
         if member is None and done.leaving and self._had_left(done):
             return ""
         if member is None:
-            return f"from {done.session}, which is no member"
+            return f"from {done.session}, which is not a member"
         if done.token != member.token:
             return f"for {member.name}, without the token that was sent to it: it is forged"
         if done.leaving and done.tick < 0:

@@ -53,7 +53,7 @@ def test_what_is_no_sweep_is_refused() -> None:
         ("3..1",): "its end before its beginning",
         ("a",): "neither a seed nor a range",
         ("1,1",): "1 is given twice",
-        ("", "model"): "is no assignment",
+        ("", "model"): "is not an assignment",
         ("", "model="): "a value is empty",
         ("", "model=a", "model=b"): "gives model twice",
         ("0..9999", "run.latency=0,1"): "20000 combinations are more than 10000",

@@ -288,5 +288,5 @@ def test_names_of_files_that_are_no_numbers(tmp_path: Path) -> None:
     (tmp_path / "x_0.mcap.zstd").touch()
     with pytest.raises(BadInput, match="compressed as a whole: unpack it first"):
         open_bag(tmp_path)
-    with pytest.raises(BadInput, match="it is no file and no folder"):
+    with pytest.raises(BadInput, match="it is neither a file nor a folder"):
         open_bag(Path("/dev/null"))

@@ -151,7 +151,7 @@ def test_mistakes_are_told_with_their_line() -> None:
         (ROS_2.replace("[waist]", "[]"), r"c\.yaml:22: velocities\.joints: Expected `array` of length >= 1"),
         (ROS_2.replace("update_rate: 50", "update_rate: 1e9"), r"c\.yaml:3: controller_manager\.update_rate: "),
         (one + one, r"c\.yaml: line 4: c is given twice"),
-        (one.replace("c:", "'c d':"), r"c\.yaml:2: 'c d' is no name of a controller"),
+        (one.replace("c:", "'c d':"), r"c\.yaml:2: 'c d' is not a valid controller name"),
         ("a: {b: 1}", r"c\.yaml:1: there is no controller in this file"),
         ("- a", r"c\.yaml:1: expected a table of controllers"),
         ("a: [", r"c\.yaml: while parsing"),

@@ -87,7 +87,7 @@ def test_what_cannot_be_drawn_says_why(tmp_path: Path) -> None:
         (Marker(ns="fixed", text="few", type=Marker.TRIANGLE_LIST, points=(Point(),) * 4), "4 points"),
         (
             Marker(ns="fixed", text="web", type=Marker.MESH_RESOURCE, mesh_resource="https://a.b/c.stl"),
-            "no file of this",
+            "not a file of this",
         ),
         (Marker(ns="fixed", text="none", type=Marker.MESH_RESOURCE, mesh_resource=f"file://{tmp_path}/x.stl"), "x.stl"),
     ):

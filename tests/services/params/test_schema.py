@@ -52,7 +52,7 @@ def test_two_fleet_values_for_one_parameter_contradict_each_other() -> None:
     [
         ({"set": "arm"}, "absolute name"),
         ({"node": "/a b"}, "a name has letters"),
-        ({"parameters": one(name="9x")}, "no name of a parameter"),
+        ({"parameters": one(name="9x")}, "not a valid parameter name"),
         ({"parameters": one(type="double")}, "has the type 'double'"),
         ({"parameters": one() * 2}, "described twice"),
         ({"parameters": one(low=2, high=1)}, "exclude everything"),
