@@ -186,10 +186,12 @@ def screenshots(rrd: Path, shots: Sequence[Screenshot], size: tuple[int, int] = 
         for shot in shots:
             if shot.robot and shot.robot not in robots:
                 raise unknown_name("robot", shot.robot, robots, str(rrd))
-        _take(rrd, file, shots, size, robots)
+        _capture(rrd, file, shots, size, robots)
 
 
-def _take(rrd: Path, file: Path, shots: Sequence[Screenshot], size: tuple[int, int], robots: dict[str, float]) -> None:
+def _capture(
+    rrd: Path, file: Path, shots: Sequence[Screenshot], size: tuple[int, int], robots: dict[str, float]
+) -> None:
     """Take screenshots of ``file``, the recording ``rrd`` or its repaired copy."""
     with headless_viewer(file, size) as viewer:
         timeline, end = _timeline(viewer)

@@ -102,8 +102,8 @@ DISCONNECTED = Disconnected()
 class PageRegistry:
     """Used by both threads; ``wake`` wakes the loop."""
 
-    def __init__(self, nudge: Callable[[], None], most: int) -> None:
-        self._wake, self._max_pages = nudge, most
+    def __init__(self, wake: Callable[[], None], most: int) -> None:
+        self._wake, self._max_pages = wake, most
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
         self._queue: deque[tuple[Page, ClientMessage | Disconnected]] = deque()

@@ -30,9 +30,9 @@ from services.script.api import ScriptStopped, set_kernel
 from services.script.interface_finder import install
 from services.script.kernel import KernelOptions, ScriptKernel
 from services.script.loader import SITE_PACKAGES, Keyboard, ScriptLoader, loop_pass, pin_randomness, python2_builtins
+from services.script.lockstep_threading import queue_module, thread_module, threading_module
 from services.script.script_time import ScriptTime, datetime_module, time_module
 from services.script.source import PASS
-from services.script.turn_threading import queue_module, thread_module, threading_module
 from services.script.turns import place_of
 from services.script.workspace import Workspace, workspace_of
 

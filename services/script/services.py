@@ -52,7 +52,7 @@ class ServiceServer:
     def put(self, payload: bytes, reply: Callable[[bytes], None], refuse: Callable[[bytes], None]) -> None:
         """Queue one request and what answers it."""
         self._requests.append((payload, reply, refuse))
-        self.worker.nudge()
+        self.worker.notify()
 
     def close(self) -> None:
         self._owner.close_server(self)

@@ -29,7 +29,7 @@ _LONGEST_WAIT_S = 0.1
 class Worker(Protocol):
     """A thread that does the work of one topic, service or timer as it comes."""
 
-    def nudge(self) -> None:
+    def notify(self) -> None:
         """There may be work; from any thread."""
         ...
 
@@ -74,7 +74,7 @@ class Threads(Protocol):
         ...
 
     def worker(self, name: str, work: Callable[[], bool]) -> Worker:
-        """A thread that calls ``work`` after each nudge until it returns False: there is nothing left to do."""
+        """A thread that calls ``work`` after each notify until it returns False: there is nothing left to do."""
         ...
 
     def stop(self) -> None:
@@ -177,7 +177,7 @@ class FreeWorker:
     """A thread that sleeps between two nudges."""
 
     def __init__(self, name: str, work: Callable[[], bool]) -> None:
-        self._nudged = threading.Event()
+        self._notified = threading.Event()
         self._samples: ThreadedSubscriber | None = None
         self._open = True
         self._work = work
@@ -187,30 +187,30 @@ class FreeWorker:
         """Start the thread."""
         self._thread.start()
 
-    def nudge(self) -> None:
-        self._nudged.set()
+    def notify(self) -> None:
+        self._notified.set()
         if (samples := self._samples) is not None:
             samples.wake()
 
     def follow(self, samples: ThreadedSubscriber) -> None:
         self._samples = samples
-        self._nudged.set()
+        self._notified.set()
 
     def close(self) -> None:
         self._open = False
-        self.nudge()
+        self.notify()
 
     def _run(self) -> None:
         while self._open and self._wait():
-            self._nudged.clear()
+            self._notified.clear()
             while self._open and self._work():
                 pass
 
     def _wait(self) -> bool:
-        """Wait for a nudge or a sample; False when no sample will come any more."""
-        if self._nudged.is_set():
+        """Wait for a notify or a sample; False when no sample will come any more."""
+        if self._notified.is_set():
             return True
-        return self._samples.wait() if self._samples is not None else self._nudged.wait()
+        return self._samples.wait() if self._samples is not None else self._notified.wait()
 
 
 class _Spent(threading.local):
