@@ -98,10 +98,22 @@ def run_program(
     """
     from services.runtime import process
 
+    options = parse_options(name, command, arguments, os.environ.pop(process.PROGRAM, program))
+    process.die_with_parent()
+    process.die_with_threads()
+    process.exit_now(_run(name, run, options))
+
+
+def parse_options(name: str, command: click.Command, arguments: list[str], program: str | None) -> dict[str, Any]:
+    """The options that ``command`` parses from ``arguments``; ends the process if they are wrong or there is no run.
+
+    Args: as for ``run_program``.
+    """
+    from services.runtime import process
+
     process.lossy_stderr()
     try:
         process.check_import_roots()
-        program = os.environ.pop(process.PROGRAM, program)
         options = command.main(arguments, program, standalone_mode=False)
     except click.ClickException as error:
         error.show()
@@ -113,9 +125,7 @@ def run_program(
         sys.exit(2)
     if not isinstance(options, dict):
         sys.exit(0)
-    process.die_with_parent()
-    process.die_with_threads()
-    process.exit_now(_run(name, run, options))
+    return options
 
 
 def _stop_at_start() -> None:

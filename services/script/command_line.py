@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, TryAgain
+from services.runtime.main import parse_options
 
 
 def main() -> None:
@@ -17,20 +18,7 @@ def main() -> None:
     from services.runtime import process
 
     process.install_signal_handlers(lambda: process.exit_now(0))  # until the script begins
-    process.lossy_stderr()
-    try:
-        process.check_import_roots()
-        options = _COMMAND.main(sys.argv[1:], "python -m services.script", standalone_mode=False)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(2)
-    except click.exceptions.Abort:
-        sys.exit(1)
-    except BadInput as error:
-        sys.stderr.write(f"script: {error}\n")
-        sys.exit(2)
-    if not isinstance(options, dict):
-        sys.exit(0)
+    options = parse_options("script", _COMMAND, sys.argv[1:], "python -m services.script")
     _pin_hashes(options)
     process.die_with_parent()
     process.exit_now(_run(options))
