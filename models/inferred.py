@@ -342,7 +342,7 @@ class _Inference:
             return None
         links = {each.name for each in self._robot.links}
         if config.link not in links:
-            self._notes.append(f"{self._name}: the {kind} sits on link {config.link!r}, which is not there: left out")
+            self._notes.append(f"{self._name}: the {kind} sits on link {config.link!r}, which does not exist: left out")
             return None
         frame = config.mount.frame
         if frame and frame not in links:

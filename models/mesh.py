@@ -138,7 +138,7 @@ def _checked(vertices: NDArray[np.float64], faces: NDArray[Any], where: str) -> 
     if len(faces) > MAX_TRIANGLES:
         raise BadMesh(f"{where}: the mesh has {len(faces):,} triangles, the limit is {MAX_TRIANGLES:,}: simplify it")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise BadMesh(f"{where}: a triangle names a vertex that there is not (of {len(vertices)})")
+        raise BadMesh(f"{where}: a triangle names a vertex that does not exist (of {len(vertices)})")
     used = vertices[np.unique(faces)]
     if not np.all(np.abs(used) <= MAX_EXTENT):
         raise BadMesh(f"{where}: a coordinate of the mesh is not a number up to {MAX_EXTENT:g}")

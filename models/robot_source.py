@@ -63,7 +63,7 @@ def resolve_robot(
         faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
     """
     if xacro_args and not names_file(model):
-        raise BadInput(f"xacro_args are for a xacro, and {model[:100]!r} names none")
+        raise BadInput(f"xacro_args are for a xacro, which {model[:100]!r} is not")
     if model in MODELS:
         return RobotSource(model, model, urdf_path(model))
     if (made := find_made(model)) is not None:

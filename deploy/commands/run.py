@@ -63,12 +63,12 @@ def command(target: str, arguments: tuple[str, ...], port: int | None, **options
         if api == "ros1":
             run_script(Path(target), arguments, port, options)
         if runs_nothing(Path(target)):
-            raise BadInput(f"{target} only defines things, and runs none: a controller ends with a call of main")
+            raise BadInput(f"{target} defines things but runs nothing: a controller ends with a call of main")
     elif target not in (*service_kinds(), CONTAINER):
         raise unknown_name("service", target, (*service_kinds(), CONTAINER))
     for name in ("robot", "frame_prefix", "wall_time", "rate", "seed"):
         if options[name]:
-            raise BadInput(f"--{name.replace('_', '-')} is for programs of ROS; {target} is none")
+            raise BadInput(f"--{name.replace('_', '-')} is for programs of ROS, which {target} is not")
     if target == CONTAINER and (options["namespace"] or options["remap"]):
         raise BadInput("--namespace and --remap belong to a node: state them in its --node")
     port, arguments = _extract_fleet(port, arguments)

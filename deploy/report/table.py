@@ -203,7 +203,7 @@ def pending_change_lines(report: Report) -> list[str]:
 def observer_loss_lines(report: Report) -> list[str]:
     """The losses of observers, which do not count for the run."""
     missed = named([f"{node} {count}" for node, count in report.run.onlookers_lost.items()], MAX_NAMED)
-    return [f"messages missed by onlookers, which the run does not depend on: {missed}"] if missed else []
+    return [f"messages missed by observers, on which the run does not depend: {missed}"] if missed else []
 
 
 def wheeled_robots(report: Report) -> dict[str, RobotFigures]:

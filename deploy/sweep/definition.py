@@ -147,7 +147,7 @@ def _seeds(text: str) -> Iterator[str]:
             raise BadInput(f"--seeds {text}: {part.strip()!r} is neither a seed nor a range: write 0..31, or 1,2,7..9")
         first, last = int(found[1]), int(found[2] or found[1])
         if last < first:
-            raise BadInput(f"--seeds {text}: the range {part.strip()} has its end before its beginning")
+            raise BadInput(f"--seeds {text}: the range {part.strip()} ends before it begins")
         if last - first >= MAX_RUNS:
             raise BadInput(f"--seeds {text}: the range {part.strip()} has more than {MAX_RUNS} seeds")
         yield from map(str, range(first, last + 1))

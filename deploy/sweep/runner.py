@@ -50,7 +50,7 @@ def open_folder(folder: Path, definition: Definition) -> Iterator[None]:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise BadInput(f"another ./elea sweep works on {folder}: wait for its end") from None
+            raise BadInput(f"another ./elea sweep is using {folder}: wait until it ends") from None
         yield
     finally:
         os.close(descriptor)
@@ -64,7 +64,7 @@ def _begin(folder: Path, definition: Definition) -> None:
                 raise BadInput(f"{folder} holds another sweep: {_difference(known, definition)}; take another --report")
             return
         if folder.is_dir() and any(folder.iterdir()):
-            raise BadInput(f"{folder} holds something else than a sweep: take another --report")
+            raise BadInput(f"{folder} holds something other than a sweep: take another --report")
         (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
         write_atomic(file, msgspec.json.format(msgspec.json.encode(definition)))
     except OSError as error:

@@ -127,9 +127,9 @@ def read_config(path: Path, namespace: str, chosen: Collection[str] = ()) -> Man
         text = data.decode("utf-8")
     except FileNotFoundError:
         near = did_you_mean(path.name, (each.name for each in path.parent.glob("*.y*ml")))
-        raise BadInput(f"there is no controllers' file {path}{near}") from None
+        raise BadInput(f"there is no controller file {path}{near}") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"the controllers' file {path} cannot be read: {error}") from None
+        raise BadInput(f"the controller file {path} cannot be read: {error}") from None
     return parse_config(path, text, namespace, chosen)
 
 
@@ -369,7 +369,7 @@ class _Reader:
     def _check_joints(self, joints: tuple[str, ...], path: Path_) -> None:
         for index, joint in enumerate(joints):
             if joint in joints[:index]:
-                raise BadInput(f"{self._source.location(*path, 'joints')}: the joint {joint!r} is there twice")
+                raise BadInput(f"{self._source.location(*path, 'joints')}: the joint {joint!r} occurs twice")
 
     def _gains(self, table: Any, path: Path_, below: Path_ = ()) -> dict[str, Gains]:
         """Gains by joints."""

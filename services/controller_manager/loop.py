@@ -138,14 +138,14 @@ class _ManagerLoop:
         try:
             joints = {each.name: each.limits for each in parse_urdf(description.data).joints}
         except BadInput as error:
-            self._ctx.log.warn(f"the robot_description is not taken: {error}", every=WARN_PERIOD_S)
+            self._ctx.log.warn(f"the robot_description is refused: {error}", every=WARN_PERIOD_S)
             return
         try:
             self._manager.check_joints(joints)
         except BadInput as error:
             if not self._described:
                 raise
-            self._ctx.log.warn(f"another robot_description is not taken: {error}", every=WARN_PERIOD_S)
+            self._ctx.log.warn(f"another robot_description is refused: {error}", every=WARN_PERIOD_S)
         self._described = True
 
     def _stopped_by(self) -> str:

@@ -178,7 +178,7 @@ class ControllerManager:
         for name in names:
             for joint in self._configs[name].joints:
                 if (other := claimed.setdefault(joint, name)) != name:
-                    raise BadInput(f"{name} and {other} both want the joint {joint}: stop one of them")
+                    raise BadInput(f"{name} and {other} both claim the joint {joint}: stop one of them")
 
 
 def _make(config: ControllerConfig, ports: Ports) -> Controller | None:

@@ -192,9 +192,9 @@ def violation(
         if limit is None:
             continue
         if limit.position and abs(error) > limit.position:
-            return f"{joint} is {abs(error):.4g} off, {limit.position:g} is the most"
+            return f"{joint} is {abs(error):.4g} off, the limit is {limit.position:g}"
         if limit.velocity and abs(rate) > limit.velocity:
-            return f"the velocity of {joint} is {abs(rate):.4g} off, {limit.velocity:g} is the most"
+            return f"the velocity of {joint} is {abs(rate):.4g} off, the limit is {limit.velocity:g}"
     return ""
 
 

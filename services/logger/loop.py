@@ -34,7 +34,7 @@ def run(ctx: Context[LoggerParameters]) -> None:
     namespaces = pair_names(names, "namespaces", p.namespaces or tuple(names))
     prefixes = pair_names(names, "frame_prefixes", p.frame_prefixes or tuple(f"{name}/" for name in names))
     if aside := rotate(file):
-        ctx.log.warn(f"{file.name} existed already, as after a crash: it is kept as {aside.name}")
+        ctx.log.warn(f"{file.name} existed already, perhaps after a crash: it is kept as {aside.name}")
     with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer, prefixes) as recording:
         ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
         show_live(ctx, recording)

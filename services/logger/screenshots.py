@@ -47,7 +47,7 @@ def repaired(rrd: Path, folder: Path) -> Path:
     try:
         subprocess.run([RERUN, "rrd", "optimize", rrd, "-o", copy], capture_output=True, timeout=REPAIR_TIMEOUT_S)
     except subprocess.TimeoutExpired:
-        raise BadInput(f"{rrd} could not be mended within {REPAIR_TIMEOUT_S:.0f} s of wall time") from None
+        raise BadInput(f"{rrd} could not be repaired within {REPAIR_TIMEOUT_S:.0f} s of wall time") from None
     if not copy.is_file() or _read_error(copy):
         raise BadInput(f"{rrd} is not a recording that can be shown: {trouble}")
     if not _has_times(copy):
@@ -114,7 +114,7 @@ def robot_position(rrd: Path, robot: str, timeline: str, at: float) -> Point:
             if parent == ["world"] and latest < stamp <= round(at * 1e9):
                 latest, place = int(stamp), spot[0]
     if place is None:
-        raise BadInput(f"{rrd}: it is not known where {robot} is at {at:g} s of simulation time")
+        raise BadInput(f"{rrd}: the position of {robot} is not known at {at:g} s of simulation time")
     return float(place[0]), float(place[1]), float(place[2])
 
 

@@ -83,7 +83,7 @@ class DriveController:
         if session is None:
             session = self._sessions[said.robot] = self._open_session(robot)
         if session.page is not None and session.page is not page:
-            raise BadInput(f"another page drives {said.robot}: it has to let go first")
+            raise BadInput(f"another page is driving {said.robot}: it must release it first")
         session.page, session.command, session.last_message = page, DriveCommand(said.v, said.w), now
 
     def release(self, page: Page) -> None:

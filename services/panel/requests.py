@@ -67,7 +67,7 @@ class RequestClient:
         """Ask for a page; the answer, or after ``deadline`` [s] the reason for none, reaches it by ``poll``."""
         waiting = sum(each.page is page for each in self._pending)
         if waiting >= MAX_PENDING_REQUESTS:
-            raise BadInput(f"{waiting} requests wait for their answers already")
+            raise BadInput(f"{waiting} requests are already waiting for an answer")
         request, message = self._request(said)
         key = self._identity.key(request.name)
         pending = self._transport.query_async(key, encode(message), deadline)

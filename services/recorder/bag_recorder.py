@@ -207,7 +207,9 @@ class BagRecorder:
         try:
             return read(message)
         except WrongPayload as error:
-            self._note_unknown(source.name, f"carries what is no {name}; it is kept as MessagePack: {error}")
+            self._note_unknown(
+                source.name, f"carries messages that are not {name}; they are kept as MessagePack: {error}"
+            )
             return message
 
     def _note_unknown(self, topic: str, problem: str) -> None:

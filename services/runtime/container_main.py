@@ -93,7 +93,7 @@ def _member(load: LoadService, where: str, line: str) -> tuple[Service, dict[str
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
     if not isinstance(options, dict):
-        raise BadInput(f"{where}: {kind} is to run, not to be described")
+        raise BadInput(f"{where}: {kind} must run: leave out the option that only describes it")
     return service, options
 
 

@@ -92,7 +92,7 @@ class EmergencyStopStore:
             self._stops.setdefault(each.robot, {})[each.id] = each
         if stops:
             names = ", ".join(sorted({_robot_label(each.robot) for each in stops}))
-            self._log.warn(f"emergency stops of before the restart hold on: {names} (./elea sim stops)")
+            self._log.warn(f"emergency stops from before the restart still hold: {names} (./elea sim stops)")
 
     @property
     def all(self) -> tuple[EmergencyStop, ...]:

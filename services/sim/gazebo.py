@@ -429,7 +429,7 @@ class GazeboServices:
                 f"max_update_rate stays {rate:g} per second: how fast time runs is the parameter factor of /sim "
                 "(./elea param set /sim factor 2)"
             )
-        return gz.SetPhysicsPropertiesResponse(success=True, status_message="the physics is so already")
+        return gz.SetPhysicsPropertiesResponse(success=True, status_message="the physics has these properties already")
 
     def _move_model(self, state: gz.ModelState) -> None:
         fixed = state.model_name in self._world.names and self._simulation.find(state.model_name).model.fixed_base

@@ -71,7 +71,7 @@ def test_a_request_of_eight_megabytes_is_refused_unread(asked_fleet: SupervisedF
     payload = bytes(LARGEST_MESSAGE - 4096)
     for request in (GET_STATE, PARAMS_SET, SUPERVISOR_STOP):
         said = error_reason(session, request.name[1:], payload)
-        assert said == f"a request of {len(payload)} bytes: at most {request.largest} are taken here"
+        assert said == f"a request of {len(payload)} bytes, the limit is {request.largest}"
     asked_fleet.wait(
         lambda: all(asked_fleet.recorder.health[each][1].refused_requests for each in NODES), "the counts in health"
     )

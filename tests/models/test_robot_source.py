@@ -219,7 +219,7 @@ def test_a_xacro_is_expanded_without_ros(tmp_path: Path, monkeypatch: pytest.Mon
         '<xacro:include filename="$(find my_descriptoin)/a"/>': "'my_descriptoin'; did you mean 'my_description'",
         '<xacro:include filename="wrong.xacro"/>': "includes itself",
         '<link name="${[0] * 10**10}"/>': "wrong.xacro:1: it asks for more memory",
-        "<link name='a'/><link name='a'/>": r"wrong.xacro \(expanded\):\d+: the link 'a' is there twice",
+        "<link name='a'/><link name='a'/>": r"wrong.xacro \(expanded\):\d+: the link 'a' occurs twice",
     }
     include = '<xacro:include filename="wheel.xacro"/>' + '<xacro:property name="size" value="${dict(radius=1)}"/>'
     for text, told in wrong.items():

@@ -373,7 +373,7 @@ class Barrier:
         slow = [member for member in late if member.waited > REPORT_S]
         if slow:
             listed = ", ".join(f"{member.name} since {member.waited:.0f} s" for member in slow)
-            self._log.warn(f"the simulation waits for {listed}: does it compute, or does it hang?", every=REPORT_S)
+            self._log.warn(f"the simulation waits for {listed}: is it computing, or does it hang?", every=REPORT_S)
         for member in slow:
             if member.unresponsive > SILENT_S or member.waited > MAX_WAIT_S:
                 why = f"no answer for {member.waited:.0f} s, no sign of life for {member.unresponsive:.0f} s"
@@ -591,7 +591,7 @@ class Barrier:
                     return fault
                 member.answer, self._answers[member.session] = done, None
         elif (done.epoch, done.tick) > member.last:
-            return f"{member.name} has finished tick {done.tick} of epoch {done.epoch}, which it was not let take"
+            return f"{member.name} has finished tick {done.tick} of epoch {done.epoch}, which it was not granted"
         return ""
 
     def _leave(self, member: MemberState) -> None:

@@ -57,7 +57,7 @@ class JobQueue(Generic[T]):
     def add(self, job: Job[T]) -> None:
         """Take a job; raises BadInput when there are too many. Among those of one start, the last to come is later."""
         if len(self._jobs) >= MAX_JOBS:
-            raise BadInput(f"{MAX_JOBS} jobs are waiting or acting, the most there may be: clear them first")
+            raise BadInput(f"{MAX_JOBS} jobs are waiting or acting, which is the limit: clear some first")
         place = len(self._jobs)
         while place and self._jobs[place - 1].start > job.start:
             place -= 1
