@@ -82,6 +82,20 @@ class Threads(Protocol):
         ...
 
 
+def thread_body(target: Callable[[], None], name: str) -> Callable[[], None]:
+    """``target`` as the body of a thread of the script: what it raises is reported and ends this thread alone."""
+
+    def run() -> None:
+        try:
+            target()
+        except ScriptStopped:
+            pass
+        except Exception:  # noqa: BLE001 - whatever the script raises ends this thread alone
+            report_exception(f"thread {name}")
+
+    return run
+
+
 def report_exception(where: str) -> None:
     """Print the traceback of the exception that is handled, which ends the thread or callback alone."""
     sys.stderr.write(f"exception in {where}:\n{traceback.format_exc()}")
@@ -148,15 +162,7 @@ class FreeThreads:
         self._spent.points, self._spent.published, self._spent.began = 0.0, 0, time.thread_time()
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
-        def run() -> None:
-            try:
-                target()
-            except ScriptStopped:
-                pass
-            except Exception:  # noqa: BLE001 - whatever the script raises ends this thread alone
-                report_exception(f"thread {name}")
-
-        thread = threading.Thread(target=run, name=name, daemon=True)
+        thread = threading.Thread(target=thread_body(target, name), name=name, daemon=True)
         thread.start()
         return thread
 

@@ -22,7 +22,7 @@ from services.runtime.transport.api import ThreadedSubscriber
 from services.script.api import ScriptStopped, TimeMovedBackwards
 from services.script.budget import BUDGET
 from services.script.clock import ScriptClock
-from services.script.threads import FreeThreads, Worker, report_exception
+from services.script.threads import FreeThreads, Worker, thread_body
 
 LOOK_S = 0.2
 """Wall time [s] after which the node is served while a turn lasts."""
@@ -132,15 +132,7 @@ class TurnThreads:
         return None
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
-        def run() -> None:
-            try:
-                target()
-            except ScriptStopped:
-                pass
-            except Exception:  # noqa: BLE001 - whatever the script raises ends this thread alone
-                report_exception(f"thread {name}")
-
-        thread = _Spawned(self, run, name)
+        thread = _Spawned(self, thread_body(target, name), name)
         thread.start()
         return thread
 
