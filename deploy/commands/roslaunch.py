@@ -69,7 +69,7 @@ def command(
     else:
         if options["screen"]:
             made.show_programs()
-        raise SystemExit(_start(path, launch, made, options))
+        raise SystemExit(_start(path, made, options))
 
 
 def _listing(launch: Launch, made: FleetOfLaunch, nodes: bool, args_of: str) -> str:
@@ -89,7 +89,7 @@ def _listing(launch: Launch, made: FleetOfLaunch, nodes: bool, args_of: str) -> 
     return yaml.safe_dump(made.table.get("rosparam", {}), sort_keys=True)
 
 
-def _start(path: Path, launch: Launch, made: FleetOfLaunch, options: dict[str, Any]) -> int:
+def _start(path: Path, made: FleetOfLaunch, options: dict[str, Any]) -> int:
     from deploy.launch.open_launch import checked_fleet
     from deploy.live.output import printable
     from services.runtime.fleet_instances import running_fleets

@@ -36,7 +36,7 @@ def run_container_command_line(arguments: list[str], load: LoadService, program:
     def run(options: dict[str, Any]) -> None:
         from services.runtime.start import run_container
 
-        run_container(options["name"], options["members"], options["network"])
+        run_container(options["members"], options["network"])
 
     name = _stated_name(arguments)
     run_program(name, container_command(load), arguments, program, run)

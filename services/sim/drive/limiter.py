@@ -113,7 +113,7 @@ NO_RAMP = WheelRamp()
 """Wheels that take any speed at once."""
 
 
-def ramp_toward(ramp: WheelRamp, now: float, goal: float, most: float) -> float:
+def ramp_toward(now: float, goal: float, most: float) -> float:
     """One rim's speed, moved from ``now`` toward ``goal`` by at most ``most`` [m/s]."""
     way = goal - now
     return goal if abs(way) <= most else now + (most if way > 0 else -most)
@@ -127,4 +127,4 @@ def ramp_wheels(
     most = (ramp.brake if stopping else ramp.acceleration) * dt
     if abs(goal_left - left) < ramp.jump or abs(goal_right - right) < ramp.jump:
         return goals
-    return ramp_toward(ramp, left, goal_left, most), ramp_toward(ramp, right, goal_right, most)
+    return ramp_toward(left, goal_left, most), ramp_toward(right, goal_right, most)
