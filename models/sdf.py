@@ -683,7 +683,7 @@ class _Frames:
     """The frames inside a model or link: poses may be ``relative_to`` another of its elements, by name."""
 
     def __init__(self, reader: _Reader, owner: SdfElement) -> None:
-        self._reader, self._owner = reader, owner
+        self._reader = reader
         self._named = {
             each.attributes["name"]: each
             for each in owner.children

@@ -32,7 +32,7 @@ class JointStateMerger:
     """Merges the joints of a robot. Raises BadUrdf for a zero or a dependency that its joints do not allow."""
 
     def __init__(self, description: RobotDescription, params: StateParameters) -> None:
-        self._params, self._description = params, description
+        self._params = params
         joints = [each for each in description.joints if each.single_dof]
         self._names = tuple(each.name for each in joints)
         self._dependencies = _dependencies(joints, params)
