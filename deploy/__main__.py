@@ -12,7 +12,7 @@ except ModuleNotFoundError as error:
         raise
     sys.stderr.write(
         f"elea: the Python package {package} is missing in {sys.prefix}: was its installation cut off, or a file in it "
-        "removed? Remove that folder, and the next ./elea installs it anew\n"
+        "removed? Remove that folder, and the next ./elea installs it again\n"
     )
     sys.exit(2)
 except SystemExit as ended:

@@ -65,8 +65,8 @@ def _apply(tree: dict[str, Any], text: str, option: str) -> Iterator[Override]:
     keys = name.strip().split(".")
     if not equals or not all(keys):
         raise BadInput(
-            f"--set {text!r} is no assignment: write KEY=VALUE, as model=waffle or run.seed=3, or 'SET NAME=VALUE', as "
-            "'/tb3_0/waypoint max_linear=0.1'"
+            f"--set {text!r} is not an assignment: write KEY=VALUE, as model=waffle or run.seed=3, or "
+            "'SET NAME=VALUE', as '/tb3_0/waypoint max_linear=0.1'"
         )
     paths = list(_paths(tree, keys, option))
     for path in paths:

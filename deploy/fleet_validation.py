@@ -167,7 +167,7 @@ def _check_script(member: ServiceConfig, path: tuple[TomlKey, ...], source: Toml
             raise BadInput(f"{source.location(*path, name)}: {name} is for services, not for programs of ROS")
     for name in member.environment:
         if not name or "=" in name or "\0" in name:
-            raise BadInput(f"{source.location(*path, 'environment')}: {name!r} is no name of a variable")
+            raise BadInput(f"{source.location(*path, 'environment')}: {name!r} is not a valid variable name")
     if member.cwd and not Path(member.cwd).is_dir():
         raise BadInput(f"{source.location(*path, 'cwd')}: there is no folder {member.cwd}")
     for name, value in member.parameters.items():

@@ -34,7 +34,7 @@ def instance_lock(entry: FleetInstance) -> Iterator[None]:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
-        raise BadInput(f"{path} cannot be written ({error.strerror}): set ELEA_HOME to a folder of yours") from None
+        raise BadInput(f"{path} cannot be written ({error.strerror}): set ELEA_HOME to a folder of your own") from None
     with os.fdopen(descriptor, "r+b") as file:
         if not _lock(file.fileno()):
             raise _port_in_use(entry.port)

@@ -26,7 +26,7 @@ _PROBLEM_STATES = ("backing off", "failed")
 
 
 FEW_PROCESSES = 16
-"""Processes of which each is told when it is ready; of more, the live line alone shows how many are."""
+"""Number of processes up to which a line tells when each is ready; with more, only the live line counts them."""
 
 NAMED = 5
 """Processes named in the live line."""

@@ -15,14 +15,14 @@ def parameter_tree(table: Mapping[str, Any], where: str) -> Tree:
     tree: Tree = {}
     for key, value in table.items():
         if not key.strip("/"):
-            raise BadInput(f"{where}: {key!r} is no name of a parameter")
+            raise BadInput(f"{where}: {key!r} is not a valid parameter name")
         inner = parameter_tree(value, where) if isinstance(value, dict) else _checked(value, key, where)
         set_parameter(tree, key, inner)
     return tree
 
 
 def set_parameter(tree: Tree, key: str, value: Any) -> None:
-    """Set a value or, with a dict, merge a branch into the tree; a value in the way gives place."""
+    """Set a value or, with a dict, merge a branch into the tree; a value in the way is replaced."""
     *above, last = [part for part in key.split("/") if part] or [""]
     for part in above:
         inner = tree.get(part)
@@ -47,15 +47,6 @@ def get_parameter(tree: Tree, key: str) -> Any:
             raise KeyError(key)
         found = found[part]
     return found
-
-
-def delete_parameter(tree: Tree, key: str) -> None:
-    """Delete a value or branch; raises KeyError."""
-    above, _, last = key.rstrip("/").rpartition("/")
-    inner = get_parameter(tree, above)
-    if not isinstance(inner, dict) or last not in inner:
-        raise KeyError(key)
-    del inner[last]
 
 
 def leaves(tree: Tree, above: str = "") -> Iterator[tuple[str, Any]]:

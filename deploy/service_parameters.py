@@ -88,7 +88,7 @@ def referred_joint(robot: RobotConfig, reference: ReferenceConfig) -> str:
     """The joint that a set-point is for; raises BadInput."""
     joints = _limited_joints(robot)
     if not is_arm(robot) or not joints:
-        raise BadInput(f"{robot.name} is no arm: a reference is the set-point of a joint that has a range")
+        raise BadInput(f"{robot.name} is not an arm: a reference is the set-point of a joint that has a range")
     if reference.joint and reference.joint not in joints:
         raise unknown_name("joint with a range", reference.joint, joints)
     return reference.joint or controlled_joint(robot)
@@ -123,7 +123,7 @@ def _own_services(fleet: Fleet, robot: RobotConfig) -> tuple[ServiceConfig, ...]
 
 
 def control_state_topics(fleet: Fleet) -> list[str]:
-    """For each robot, the topic of its joint controller's state; empty if it is no arm."""
+    """For each robot, the topic of its joint controller's state; empty if it is not an arm."""
     arms = {each["name"]: each["state"] for each in grader_arms(fleet)}
     return [arms.get(each.name, "") for each in fleet.robot]
 

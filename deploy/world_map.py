@@ -13,12 +13,12 @@ from models.bodies import BodyPart, MeshShape, WorldDescription
 from models.floor_plan import MAX_PIXELS
 from models.mesh import Mesh
 from models.shape_mesh import placed, shape_mesh
-from services.driving.footprint import convex_hull
+from services.markers.footprint import convex_hull
 
 MARGIN = 0.5
 """m of free ground around the outermost body."""
 STEP_HEIGHT = 0.05
-"""m; what is lower is no obstacle on the map."""
+"""m; what is lower is not an obstacle on the map."""
 
 Floats = NDArray[np.float64]
 

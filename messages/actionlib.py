@@ -1,4 +1,4 @@
-"""actionlib_msgs: the goals of an action, and how far they are."""
+"""actionlib_msgs: the goals of an action, and their status."""
 
 from enum import IntEnum
 from typing import Annotated, ClassVar

@@ -1,4 +1,4 @@
-"""control_msgs: what controllers of joints want, see and do, and the action that follows a trajectory."""
+"""control_msgs: states of joint controllers, and the action that follows a trajectory."""
 
 from enum import IntEnum
 from typing import Annotated, ClassVar
@@ -35,7 +35,7 @@ class JointControllerState(Message, frozen=True, kw_only=True):
 
 
 class JointTrajectoryControllerState(Message, frozen=True, kw_only=True):
-    """Where the joints of a trajectory controller shall be, are, and the difference (desired less actual)."""
+    """Desired and actual state of a trajectory controller's joints, and the error (desired minus actual)."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/JointTrajectoryControllerState"
     header: Header = Header()
@@ -85,7 +85,7 @@ class FollowJointTrajectoryResult(Message, frozen=True, kw_only=True):
 
 
 class FollowJointTrajectoryFeedback(Message, frozen=True, kw_only=True):
-    """Where the joints of a goal shall be, are, and the difference (desired less actual)."""
+    """Desired and actual state of a goal's joints, and the error (desired minus actual)."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/FollowJointTrajectoryFeedback"
     header: Header = Header()

@@ -20,7 +20,7 @@ REVOLUTE, CONTINUOUS, PRISMATIC, FIXED, BALL, UNIVERSAL = range(6)
 
 
 class ModelState(Message, frozen=True, kw_only=True):
-    """Where a model shall be and how it shall move, in the axes of ``reference_frame``: the world's if it is empty."""
+    """The pose and twist to give a model, in the axes of ``reference_frame``; the world's if it is empty."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ModelState"
     model_name: NameStr = ""
@@ -342,7 +342,7 @@ class GetPhysicsPropertiesResponse(Message, frozen=True, kw_only=True):
 
 
 class SetPhysicsProperties(Message, frozen=True, kw_only=True):
-    """What the physics shall be: a run cannot change it."""
+    """Properties of the physics to set; a run cannot change them."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SetPhysicsProperties"
     time_step: Finite = 0.0

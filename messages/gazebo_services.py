@@ -126,7 +126,7 @@ SET_PHYSICS_PROPERTIES = Request(
     "/gazebo/set_physics_properties",
     SetPhysicsProperties,
     SetPhysicsPropertiesResponse,
-    "Gazebo: says that a run cannot change them",
+    "Gazebo: set the properties of the physics, which a run refuses",
 )
 PAUSE_PHYSICS = Request("/gazebo/pause_physics", Empty, EmptyResponse, "Gazebo: pause simulation time")
 UNPAUSE_PHYSICS = Request("/gazebo/unpause_physics", Empty, EmptyResponse, "Gazebo: resume simulation time")

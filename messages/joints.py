@@ -30,7 +30,7 @@ JointInterface = Literal["position", "velocity", "effort"]
 
 
 class JointTarget(Message, frozen=True, kw_only=True):
-    """What one joint shall do: be at a position [rad or m], turn at a velocity [rad/s or m/s] or feel an effort [N m or
+    """The target of one joint: be at a position [rad or m], turn at a velocity [rad/s or m/s] or feel an effort [N m or
     N], as ``interface`` says. ``rate`` [rad/s or m/s] is how fast a position moves on."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointTarget"

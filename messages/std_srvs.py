@@ -12,6 +12,6 @@ class Empty(Message, frozen=True, kw_only=True):
 
 
 class EmptyResponse(Message, frozen=True, kw_only=True):
-    """A reply that says no more than that it is done."""
+    """A reply without content: the request was carried out."""
 
     ROS_TYPE: ClassVar[str] = "std_srvs/EmptyResponse"

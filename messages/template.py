@@ -1,4 +1,4 @@
-"""Records that are encoded again and again with other numbers: all that stays the same is encoded once."""
+"""Templates of records that are encoded repeatedly with other numbers: the constant parts are encoded once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""trajectory_msgs: where joints shall be, and when."""
+"""trajectory_msgs: positions of joints over time."""
 
 from typing import ClassVar
 
@@ -20,7 +20,7 @@ class JointTrajectoryPoint(Message, frozen=True, kw_only=True):
 
 
 class JointTrajectory(Message, frozen=True, kw_only=True):
-    """Points that joints shall pass. ``header.stamp`` is when it begins; 0 is at once."""
+    """Points for joints to pass through. ``header.stamp`` is when it begins; 0 means at once."""
 
     ROS_TYPE: ClassVar[str] = "trajectory_msgs/JointTrajectory"
     header: Header = Header()

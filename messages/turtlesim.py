@@ -1,4 +1,4 @@
-"""turtlesim: the pose of a turtle, the colour below it, and what its simulation may be asked."""
+"""turtlesim: the pose of a turtle, the colour below it, and the requests of its simulation."""
 
 from typing import Annotated, ClassVar
 

@@ -1,4 +1,4 @@
-"""Angles that people write, in rad, and the error for one that was meant in degrees."""
+"""Angles in files, in rad, and the error for one that was probably written in degrees."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _KEYS = {"yaw", "rpy"}
 
 
 def angle_fault(value: object, path: Sequence[TomlKey] = ("yaw",)) -> str:
-    """What is wrong with the angle at ``path`` of a file; empty if nothing is, or if it is no angle."""
+    """What is wrong with the angle at ``path`` of a file; empty if nothing is, or if it is not an angle."""
     if not isinstance(value, int | float) or not math.isfinite(value) or abs(value) <= MAX_ANGLE:
         return ""
     if not _KEYS.intersection(path[-2:]):

@@ -103,7 +103,7 @@ Shape = BoxShape | CylinderShape | SphereShape | RampShape | MeshShape | HeightM
 @dataclass(frozen=True)
 class BodyPart:
     """A shape at ``pose`` in the frame of its body. What is not ``solid`` is only shown, what is not ``visible`` is
-    only felt. On a ``ground`` wheels roll, and standing on it is no collision."""
+    only felt. On a ``ground`` wheels roll, and standing on it is not a collision."""
 
     shape: Shape
     pose: Pose3 = IDENTITY

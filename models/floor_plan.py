@@ -171,11 +171,11 @@ def read_map(path: Path) -> MapFile:
     text = read_limited(path, _MAX_YAML, "a map").decode(errors="replace")
     tree, source = read_yaml(text, str(path)), YamlSource(path, text)
     if not isinstance(tree, dict):
-        raise BadInput(f"{path}: this is no map.yaml: it has no keys image, resolution and origin")
+        raise BadInput(f"{path}: this is not a map.yaml: it has no keys image, resolution and origin")
     known = [each.name for each in msgspec.structs.fields(MapFile) if each.name != "notes"]
     for key in _NEEDED:
         if key not in tree:
-            raise BadInput(f"{path}: this is no map.yaml: the key {key} is missing")
+            raise BadInput(f"{path}: this is not a map.yaml: the key {key} is missing")
     notes = []
     for key in map(str, [each for each in tree if each not in known]):
         if nearest(key, known):
@@ -257,6 +257,6 @@ def _walls(stated: MapFile) -> NDArray[np.bool_]:
         occupancy = picture.lightness * 2.55
         occupancy[occupancy > 1.0 + 1e-9] = 0.0
     if not all(math.isfinite(each) for each in stated.origin):
-        raise BadInput("the origin is no place")
+        raise BadInput("the origin is not a finite pose")
     walls: NDArray[np.bool_] = (occupancy > stated.occupied_thresh) & ~picture.transparent
     return walls

@@ -10,11 +10,10 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
 from models.model import CameraConfig, ImuConfig, LaserConfig, Mount
-from models.urdf import MAX_VALUE, UrdfElement, parse_xml, read_urdf
+from models.urdf import MAX_VALUE, UrdfElement, parse_xml
 
 MAX_SAMPLES = 10_000
 """Rays of a laser."""
@@ -24,7 +23,7 @@ MAX_CAMERA_RATE = 10.0
 """Hz, for the same reason."""
 
 _STEP_RATE = 200.0
-"""Physics steps in a second: what happens regularly happens every so many steps."""
+"""Physics steps per second; every period is a whole number of steps."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +105,6 @@ class GazeboTags:
     ros_control: RosControl | None = None
     notes: tuple[str, ...] = ()
     ignored: tuple[str, ...] = ()
-
-
-def read_gazebo_tags(urdf: Path) -> GazeboTags:
-    """The tags of a URDF file; raises ``models.urdf.BadUrdf`` for one that cannot be read at all."""
-    return parse_gazebo_tags(read_urdf(urdf), urdf.name)
 
 
 def parse_gazebo_tags(text: str, name: str = "robot.urdf") -> GazeboTags:

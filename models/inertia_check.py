@@ -1,4 +1,4 @@
-"""What is wrong with the inertia of a link: no body could have it, or not one of this size."""
+"""Checks the inertia of a link: whether a body can have it, and one of this size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mends the masses and inertias of a robot's links where they are missing or none that a body can have.
+"""Repairs masses and inertias of a robot's links that are missing or physically impossible.
 
 The engine needs one for each link: it takes 1 kg for a link without, and a point mass for a tensor that it dislikes.
 """

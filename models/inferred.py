@@ -34,7 +34,7 @@ MAX_PLAUSIBLE_SPEED = 10.0
 
 
 class InferredModel(NamedTuple):
-    """A model, and remarks on what was chosen for lack of a word."""
+    """A model, and remarks on what was chosen because nothing states it."""
 
     model: RobotModel
     notes: tuple[str, ...]
@@ -241,7 +241,7 @@ class _Inference:
         )
 
     def _mounts(self) -> set[str]:
-        """The root and the links that hang on it without a joint that turns for ever: a rocker or slide, no swivel."""
+        """The root and the links attached to it without a continuous joint: a rocker or slide, but no swivel."""
         links = {self._robot.root}
         for _ in self._robot.joints:
             more = {
@@ -300,12 +300,12 @@ class _Inference:
             return None
         links = {each.name for each in self._robot.links}
         if config.link not in links:
-            self._notes.append(f"{self._name}: the {kind} sits on link {config.link!r}, which is not there: left out")
+            self._notes.append(f"{self._name}: the {kind} sits on link {config.link!r}, which does not exist: left out")
             return None
         frame = config.mount.frame
         if frame and frame not in links:
             self._notes.append(
-                f"{self._name}: the {kind}'s frame {frame!r} is no link: its messages are in {config.link!r}"
+                f"{self._name}: the {kind}'s frame {frame!r} is not a link: its messages are in {config.link!r}"
             )
             config = msgspec.structs.replace(config, mount=msgspec.structs.replace(config.mount, frame=""))
         return config

@@ -99,7 +99,7 @@ def decode_mesh(content: bytes, kind: str, where: str) -> Mesh:
     except (MemoryError, RecursionError):
         raise BadMesh(f"{where}: this {kind} file asks for more memory than a mesh may") from None
     except Exception as error:  # noqa: BLE001  (a foreign decoder on a foreign file: it may raise anything)
-        raise BadMesh(f"{where}: this is no {kind} file that can be read ({type(error).__name__}: {error})") from None
+        raise BadMesh(f"{where}: this is not a readable {kind} file ({type(error).__name__}: {error})") from None
     return _checked(np.asarray(vertices, np.float64), np.asarray(faces), where)
 
 
@@ -138,7 +138,7 @@ def _checked(vertices: NDArray[np.float64], faces: NDArray[Any], where: str) -> 
     if len(faces) > MAX_TRIANGLES:
         raise BadMesh(f"{where}: the mesh has {len(faces):,} triangles, the limit is {MAX_TRIANGLES:,}: simplify it")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise BadMesh(f"{where}: a triangle names a vertex that there is not (of {len(vertices)})")
+        raise BadMesh(f"{where}: a triangle names a vertex that does not exist (of {len(vertices)})")
     used = vertices[np.unique(faces)]
     if not np.all(np.abs(used) <= MAX_EXTENT):
         raise BadMesh(f"{where}: a coordinate of the mesh is not a number up to {MAX_EXTENT:g}")
@@ -161,7 +161,7 @@ def _count_stl(content: bytes, where: str) -> int:
             re.findall(rb"\bendfacet\b", content, re.IGNORECASE)
         )
     if len(content) < _STL_HEADER:
-        raise BadMesh(f"{where}: this is no STL: it has {len(content)} bytes and does not begin with 'solid'")
+        raise BadMesh(f"{where}: this is not an STL: it has {len(content)} bytes and does not begin with 'solid'")
     if _stl_count(content) > MAX_TRIANGLES:
         return _stl_count(content)
     wanted = _STL_HEADER + _STL_TRIANGLE * _stl_count(content)
@@ -214,7 +214,7 @@ def _count_dae(content: bytes, where: str) -> int:
     try:
         parser.Parse(content, True)
     except expat.ExpatError as error:
-        raise BadMesh(f"{where}:{error.lineno}: this is no XML: {expat.ErrorString(error.code)}") from None
+        raise BadMesh(f"{where}:{error.lineno}: this is not XML: {expat.ErrorString(error.code)}") from None
     return total
 
 

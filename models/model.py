@@ -20,7 +20,7 @@ from models.robot_facts import read_facts
 from models.urdf import NoWheels, read_robot, read_wheels
 
 INFERRED_FILE = "model.json"
-"""The model of a robot from outside that has no ``model.toml``, in the folder that was made of it."""
+"""The model of a robot from outside without a ``model.toml``, in the folder that was made for it."""
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]

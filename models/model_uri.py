@@ -105,7 +105,7 @@ def _model_folders(source: Path, packages: PackagePath) -> Iterator[Path]:
 
 
 def _models(source: Path, packages: PackagePath) -> list[str]:
-    """Names of models that may have been meant."""
+    """Names of models that are similar."""
     found: list[str] = []
     for folder in _model_folders(source, packages):
         try:

@@ -70,7 +70,7 @@ class PackagePath:
     def find(self, name: str, source: Path, kind: str = "package") -> Path:
         """The folder of the package ``name`` that the file ``source`` names; raises FileNotAllowed."""
         if not re.fullmatch(r"[A-Za-z0-9_.-]+", name) or name in (".", ".."):
-            raise FileNotAllowed(f"{name[:80]!r} is no name of a {kind}")
+            raise FileNotAllowed(f"{name[:80]!r} is not a valid {kind} name")
         for folder in self._candidates(name, source, kind):
             if folder.is_dir():
                 return folder
@@ -109,7 +109,7 @@ class PackagePath:
         return tuple(Path(each) for each in self.environment.get(variable, "").split(os.pathsep) if each)
 
     def _names(self, source: Path) -> Iterator[str]:
-        """Names that may have been meant."""
+        """Names that are similar."""
         parents = list(Path(os.path.abspath(source)).parents)[:6]
         yield from (package_name(each) or each.name for each in parents)
         for folder in (*parents[1:4], *self.roots()):

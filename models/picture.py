@@ -52,7 +52,7 @@ def read_picture(path: Path, most_pixels: int, what: str) -> Picture:
         limit = f"{most_pixels:,} pixels that {what} has at most"
         raise BadInput(f"{path}: the picture is far larger than the {limit}: scale it down") from None
     except (OSError, SyntaxError, ValueError, MemoryError, EOFError) as error:
-        raise BadInput(f"{path}: this is no picture that can be read (PNG, PGM, BMP, JPEG or TIFF): {error}") from None
+        raise BadInput(f"{path}: this is not a readable picture (PNG, PGM, BMP, JPEG or TIFF): {error}") from None
 
 
 def _decode(image: Image.Image) -> Picture:

@@ -1,4 +1,4 @@
-"""What was found out about a robot from outside when its folder was made."""
+"""Facts about a robot from outside, found when its folder was made."""
 
 from __future__ import annotations
 

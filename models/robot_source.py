@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from messages.errors import BadInput, unknown_name
-from models import MODELS, UnknownModel, model_config_path, urdf_path
+from models import MODELS, UnknownModel, urdf_path
 from models.model import read_model
 from models.packages import OWNER, FileAccess, PackagePath
 from models.robot_cache import MADE, robots_folder
@@ -26,7 +26,7 @@ _FILES = ("robot.urdf", "robot.urdf.xacro", "robot.xacro")
 
 @dataclass(frozen=True)
 class RobotSource:
-    """A robot's files: its ``urdf`` with all meshes as absolute paths, and a ``model_toml`` if there is one.
+    """A robot's files: its ``urdf`` with all meshes as absolute paths.
 
     ``model`` names the robot in fleets, requests and parameters, ``name`` is for people. ``notes`` say what was
     assumed.
@@ -35,7 +35,6 @@ class RobotSource:
     model: str
     name: str
     urdf: Path
-    model_toml: Path | None
     notes: tuple[str, ...] = ()
 
 
@@ -64,9 +63,9 @@ def resolve_robot(
         faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
     """
     if xacro_args and not names_file(model):
-        raise BadInput(f"xacro_args are for a xacro, and {model[:100]!r} names none")
+        raise BadInput(f"xacro_args are for a xacro, which {model[:100]!r} is not")
     if model in MODELS:
-        return RobotSource(model, model, urdf_path(model), model_config_path(model))
+        return RobotSource(model, model, urdf_path(model))
     if (made := find_made(model)) is not None:
         return made
     if not names_file(model):
@@ -132,8 +131,8 @@ def _make(
 
 def _source(folder: Path) -> RobotSource:
     os.utime(folder)
-    facts, toml = read_facts(str(folder)), folder / "model.toml"
-    return RobotSource(str(folder), facts.name, folder / "robot.urdf", toml if toml.is_file() else None, facts.notes)
+    facts = read_facts(str(folder))
+    return RobotSource(str(folder), facts.name, folder / "robot.urdf", facts.notes)
 
 
 def _robot_file(path: Path, access: FileAccess) -> Path:

@@ -79,7 +79,7 @@ def bodies_of_sdf_model(
     packages: Sequence[Path] = (),
     access: FileAccess = OWNER,
 ) -> WorldDescription:
-    """The bodies of the model that a text describes, and what of it was not understood; raises BadWorld.
+    """The bodies of the model that a text describes, and notes on what was not understood; raises BadWorld.
 
     Args:
         text: SDF with one model.
@@ -563,10 +563,10 @@ class _Reader:
         try:
             r, g, b, *a = (min(1.0, max(0.0, float(each))) for each in element.text.split())
         except ValueError:
-            self._fail(element, f"{element.text[:60]!r} is no colour")
+            self._fail(element, f"{element.text[:60]!r} is not a colour")
         opacity = a[0] if a else 1.0
         if not all(math.isfinite(each) for each in (r, g, b, opacity)):
-            self._fail(element, f"{element.text[:60]!r} is no colour")
+            self._fail(element, f"{element.text[:60]!r} is not a colour")
         return r, g, b, opacity
 
     def _file(self, element: SdfElement) -> Path:
@@ -605,7 +605,7 @@ class _Reader:
             x, y, z, *q = self._numbers(element, 7)
             length = math.hypot(*q)
             if length < 1e-6:
-                self._fail(element, "the quaternion 0 0 0 0 is no rotation")
+                self._fail(element, "the quaternion 0 0 0 0 is not a rotation")
             return Pose3((x, y, z), (q[0] / length, q[1] / length, q[2] / length, q[3] / length))
         x, y, z, *rpy = self._numbers(element, 6)
         if element.attributes.get("degrees") in ("true", "1"):
@@ -683,7 +683,7 @@ class _Frames:
     """The frames inside a model or link: poses may be ``relative_to`` another of its elements, by name."""
 
     def __init__(self, reader: _Reader, owner: SdfElement) -> None:
-        self._reader, self._owner = reader, owner
+        self._reader = reader
         self._named = {
             each.attributes["name"]: each
             for each in owner.children

@@ -203,5 +203,5 @@ def _moments(link: SdfLink) -> tuple[float, float, float]:
 
 def _text(value: float) -> str:
     if abs(value) > 1e300:
-        raise BadInput(f"the number {value} is none of a model")
+        raise BadInput(f"{value} is not a valid number in a model")
     return format(value, ".9g")

@@ -56,7 +56,7 @@ def parse_sdf(text: str, path: Path, roots: tuple[str, ...] = ROOTS) -> SdfEleme
     """The root of a text; ``path`` is named in errors. Raises BadWorld."""
     stack: list[SdfElement] = [SdfElement("", {}, path, 1)]
     parser, count = expat.ParserCreate(), 0
-    # White space before the declaration is no XML.
+    # White space before the declaration is not XML.
     before = len(text) - len(text.lstrip())
     skipped, text = text[:before].count("\n"), text[before:]
 

@@ -53,7 +53,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class LinkShapes:
-    """What a link collides as, what one sees of it, and remarks on what of it is left out."""
+    """The collision shapes and the visible shapes of a link, and remarks on what is left out."""
 
     collisions: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
@@ -149,7 +149,7 @@ def _shape(
             raise UnreadMesh(f"{where}: {error}") from None
         return Shape("mesh", scale, pose, rpy, placed(hull_points(mesh), pose), 0.0, file, mesh, colour)
     if given.tag not in GEOMETRIES:
-        return f"is a {given.tag[:40]!r}, which is no shape of a URDF"
+        return f"is a {given.tag[:40]!r}, which is not a shape of a URDF"
     if given.tag == "box":
         size = _numbers(given, "size", 3, where)
     else:

@@ -358,7 +358,7 @@ def _joint(element: ElementTree.Element) -> Joint:
 def _limits(element: ElementTree.Element, name: str, kind: str) -> JointLimits:
     limited, limit = kind in ("revolute", "prismatic"), element.find("limit")
     if limited and limit is None:
-        raise BadUrdf(f"joint {name!r} is {kind} and has no <limit>; a joint that turns for ever is continuous")
+        raise BadUrdf(f"joint {name!r} is {kind} and has no <limit>; a joint without limits is continuous")
     lower = _limit(limit, "lower", name) if limited else None
     upper = _limit(limit, "upper", name) if limited else None
     if lower is not None and upper is not None and lower > upper:
@@ -388,7 +388,7 @@ def _mimic(element: ElementTree.Element, name: str) -> Mimic:
 
 
 def _axis(element: ElementTree.Element, name: str, kind: str) -> Vector:
-    """The unit vector of the axis; x when none is given, or none is meant."""
+    """The unit vector of the axis; x when there is none or it has no direction."""
     if kind in ("fixed", "floating"):
         return 1.0, 0.0, 0.0
     axis = _vector(element, "axis", "xyz", (1.0, 0.0, 0.0), f"joint {name!r}")
@@ -459,7 +459,7 @@ def _root(links: list[str], joints: tuple[Joint, ...], lines: Mapping[tuple[str,
         raise BadUrdf(f"the URDF has {len(links)} links, the limit is {MAX_LINKS}")
     for kind, names in (("link", links), ("joint", [each.name for each in joints])):
         if twice := sorted(name for name, count in Counter(names).items() if count > 1):
-            raise BadUrdf(f"line {lines[kind, twice[0]]}: the {kind} {twice[0]!r} is there twice")
+            raise BadUrdf(f"line {lines[kind, twice[0]]}: the {kind} {twice[0]!r} occurs twice")
     above: dict[str, str] = {}
     for each in joints:
         for link in (each.parent, each.child):

@@ -134,7 +134,7 @@ class MeshKeys(BodyKeys, frozen=True, kw_only=True, tag="mesh"):
 
 
 class HeightMapKeys(BodyKeys, frozen=True, kw_only=True, tag="height_map"):
-    """Ground whose height a picture tells, from black at the first to white at the second of ``height``."""
+    """Ground whose height is given by a picture, from black at the first to white at the second of ``height``."""
 
     image: str
     resolution: Annotated[float, Meta(gt=0, le=1000, extra={"unit": "m"})]
@@ -325,7 +325,7 @@ class _TomlWorld:
 
     def _light(self, light: LightKeys, index: int) -> Light:
         if not math.isfinite(sum(light.direction)) or not any(light.direction):
-            raise BadWorld(f"{self._source.location('lights', index, 'direction')}: this is no direction")
+            raise BadWorld(f"{self._source.location('lights', index, 'direction')}: this is not a direction")
         return Light(light.name, light.direction, self._colour(light.colour, "lights", index)[:3])
 
     def _check_names(self, file: WorldFile) -> None:

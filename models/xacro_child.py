@@ -56,7 +56,7 @@ def main() -> None:
     except RecursionError as error:
         answer = {"error": f"{_place(error, request['file'])}: {_circle()}"}
     except expat.ExpatError as error:
-        answer = {"error": f"{_current_file(request['file'])}:{error.lineno}: this is no XML: {error}"}
+        answer = {"error": f"{_current_file(request['file'])}:{error.lineno}: this is not XML: {error}"}
     except Exception as error:  # noqa: BLE001  (the code of a foreign file: it may raise anything)
         answer = {"error": f"{_place(error, request['file'])}: {_message(error)}"}
     json.dump(answer, answers)

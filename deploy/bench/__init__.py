@@ -31,7 +31,7 @@ def bench(rounds: int, as_json: bool, only: Collection[str] = (), sizes: Sequenc
     figures, passed = measure(rounds, only, sizes), True
     if "tests" in (only or PARTS):
         with tempfile.TemporaryDirectory() as folder:
-            more, passed = run_bench_tests(Path(folder), _say)
+            more, passed = run_bench_tests(Path(folder), _print_progress)
         figures += more
     return max(report(figures, as_json), 0 if passed else 1)
 
@@ -44,17 +44,17 @@ def measure(rounds: int, only: Collection[str] = (), sizes: Sequence[int] = ()) 
     parts, figures = only or PARTS, list[Figure]()
     if "wire" in parts:
         with tempfile.TemporaryDirectory() as folder:
-            figures += wire.run_wire(rounds, Path(folder), _say)
+            figures += wire.run_wire(rounds, Path(folder), _print_progress)
         figures += wire.measure_codec(rounds)
     if "lockstep" in parts:
-        figures += lockstep.measure_lockstep(rounds, free_port(), _say)
+        figures += lockstep.measure_lockstep(rounds, free_port(), _print_progress)
     if "idle" in parts:
-        figures += fleet.measure_idle(1, free_port(), _say)
+        figures += fleet.measure_idle(1, free_port(), _print_progress)
     if "ros1" in parts:
-        figures += ros1.measure_ros1(rounds, free_port(), _say)
+        figures += ros1.measure_ros1(rounds, free_port(), _print_progress)
     if "scale" in parts:
         chosen = sizes or (scale.SIZES if "scale" in only else DEFAULT_SIZES)
-        figures += scale.measure_scale(rounds if only else 1, chosen, free_port(), _say)
+        figures += scale.measure_scale(rounds if only else 1, chosen, free_port(), _print_progress)
     return figures
 
 
@@ -67,7 +67,7 @@ def report(figures: list[Figure], as_json: bool) -> int:
     return 0 if all(each.ok for each in figures) else 1
 
 
-def _say(text: str) -> None:
+def _print_progress(text: str) -> None:
     sys.stderr.write(f"bench: {text}\n")
 
 

@@ -82,7 +82,7 @@ def drive_settings(robot: RobotConfig) -> DriveConfig:
 
 
 def build_schedule(commands: dict[str, list[Any]], span: Span) -> ActuatorSchedule:
-    """The wheel speeds of the commands, computed beforehand: the raw loop shall do nothing but physics.
+    """The wheel speeds of the commands, computed beforehand: so that the raw loop does nothing but physics.
 
     A controller commands evenly, so its commands up to the end of the span are spread over the steps up to there.
     """

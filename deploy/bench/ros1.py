@@ -31,7 +31,6 @@ LAP_S, LAP_ROBOTS = 20.0, 4
 """Simulation time of a run in lockstep, and its number of robots."""
 BUSY_FROM_S, BUSY_S = 2.0, 4.0
 """Wall time after which the loop that never waits is watched, and over which."""
-START_LIMIT_S = 30.0
 
 LISTENER = """
 import rospy

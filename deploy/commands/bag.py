@@ -35,7 +35,7 @@ COMMANDS = {
     "record": LazyCommand("bag:record_command", "Record topics, or all of them, until Ctrl-C."),
     "play": LazyCommand("bag:play_command", "Play a bag back on simulated time."),
     "info": LazyCommand("bag:info_command", "Show what a bag holds."),
-    "export": LazyCommand("bag:export_command", "Convert a bag to CSV, for the viewer, or to a whole bag."),
+    "export": LazyCommand("bag:export_command", "Convert a bag to CSV or to a viewer recording, or repair it."),
 }
 
 
@@ -184,7 +184,7 @@ def export_command(bag: Path, form: str, output: str, topics: tuple[str, ...], a
 def _parse_size(text: str) -> int:
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(k|M|G|Ki|Mi|Gi)?B?", text)
     if found is None:
-        raise BadInput(f"--max-size {text!r} is no size: write bytes, or 100M, 1.5Gi")
+        raise BadInput(f"--max-size {text!r} is not a size: write bytes, or 100M, 1.5Gi")
     return round(float(found[1]) * _UNITS[found[2] or ""])
 
 

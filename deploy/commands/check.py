@@ -1,4 +1,4 @@
-"""``elea check``: what a developer runs before each commit, and the Git hook that does it."""
+"""``elea check``: the checks before each commit, and the Git hook that runs them."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def install_pre_commit_hook(root: Path) -> Path:
         ["git", "rev-parse", "--git-path", "hooks/pre-commit"], cwd=root, capture_output=True, text=True, check=False
     )
     if found.returncode:
-        raise BadInput(f"{root} is no Git repository: {found.stderr.strip()}")
+        raise BadInput(f"{root} is not a Git repository: {found.stderr.strip()}")
     hook = root / found.stdout.strip()
     if hook.exists() and hook.read_text() != _HOOK:
         raise BadInput(f"{hook} exists already: add a line ./elea check to it, or remove it first")

@@ -36,7 +36,7 @@ COMMANDS = {
     "rostest": LazyCommand("rostest", "Run the tests of a launch file of ROS 1."),
     "env": LazyCommand("env", "Give this shell the commands of ROS 1."),
     "python": LazyCommand("run:python_command", "Run Python, or a program, that can import Elea."),
-    "new": LazyCommand("new", "Make a folder to begin from, as an exercise."),
+    "new": LazyCommand("new", "Make a folder to start from, e.g. for an exercise."),
     "panel": LazyCommand("panel", "Open the web page of a running fleet."),
     "teleop": LazyCommand("teleop", "Drive a robot from the keyboard."),
     "bag": LazyCommand("bag", "Record, play, inspect and export bags."),

@@ -57,7 +57,7 @@ Question = Callable[["Transport", click.Context], Iterable[str]]
 
 
 class CompletingParam(click.ParamType[str]):
-    """A word that is accepted as it is, with completion from a source; from ``files`` when the source has nothing."""
+    """A parameter without checks, completed from a source; from ``files`` when the source has nothing."""
 
     def __init__(self, name: str, source: Source, files: bool = False) -> None:
         self.name, self._source, self._files = name, source, files

@@ -41,7 +41,7 @@ _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "
 @click.command("test", context_settings={"ignore_unknown_options": True})
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def test_command(arguments: tuple[str, ...]) -> None:
-    """Run all tests but the measurements, or those of a file of your own; arguments are passed to pytest.
+    """Run all tests except the measurements, or the tests of your own file; arguments are passed to pytest.
 
     Paths count from the current folder, else from the project. Test files run in parallel unless single files are
     named; -n sets the number of processes, -n 0 runs in this one. -m selects by markers: quick, slow, process, fleet,
@@ -88,20 +88,20 @@ def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
     "--rounds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Number of rounds; medians are shown."
 )
 @click.option(
-    "--only", multiple=True, type=click.Choice(PARTS), help="Measure this part alone; may be repeated. All by default."
+    "--only", multiple=True, type=click.Choice(PARTS), help="Measure only this part; may be repeated. All by default."
 )
 @click.option(
     "--robots",
     type=click.IntRange(1, 1000),
     multiple=True,
     metavar="N",
-    help="Number of robots of the part scale; may be repeated. 4 and 16 by default, with --only scale 64 and 100 too.",
+    help="Number of robots for the part scale; may be repeated. 4 and 16 by default, with --only scale 64 and 100 too.",
 )
 @json_option
 def bench_command(rounds: int, as_json: bool, only: tuple[str, ...], robots: tuple[int, ...]) -> None:
     """Measure round trip, throughput, lockstep, size and start-up against raw Zenoh and raw physics, interleaved.
 
-    Then run the tests that measure: processor time of help, panel and supervisor, and how often the page is drawn.
+    Then run the tests that measure processor time (of --help, panel and supervisor) and the page's frame rate.
     """
     from deploy.bench import bench
 

@@ -21,7 +21,7 @@ def ros1(name: str, words: tuple[str, ...]) -> None:
     """Give this shell the commands of ROS 1: eval "$(./elea env ros1)", in bash or zsh.
 
     roscore, roslaunch, rosrun, rostopic, rosnode, rosservice, rosparam, rosmsg, rossrv, rosbag, rospack, roscd,
-    catkin_make, rqt, rviz and others then do with Elea what a tutorial's lines say. Nothing of it outlives the shell.
+    catkin_make, rqt, rviz and others then run on Elea, as tutorials use them, until the shell exits.
 
     With a NAME, that command runs: ./elea env ros1 rostopic echo /odom
     """

@@ -177,7 +177,7 @@ _TAIL_PERIOD_S = 0.2
 def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> None:
     """Show the log of process NAME, or all logs, of the running fleet or the latest run.
 
-    Of a node that shares its process, only its own lines are shown, and those of the supervisor.
+    For a node that shares its process, only its own lines and the supervisor's are shown.
 
     With --json, each line is an object with the process and the text.
     """

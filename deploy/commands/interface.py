@@ -10,8 +10,8 @@ from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option
 
 COMMANDS = {
-    "list": LazyCommand("interface:list_command", "List the types of messages, and the requests."),
-    "show": LazyCommand("interface:show_command", "Show the fields of a type, or what a request asks and replies."),
+    "list": LazyCommand("interface:list_command", "List the message and service types."),
+    "show": LazyCommand("interface:show_command", "Show the fields of a message or service type."),
 }
 
 

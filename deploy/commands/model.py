@@ -1,4 +1,4 @@
-"""``elea model``: the robots that there are, and what is understood of a robot's file."""
+"""``elea model``: list the robot models, and check a robot's file."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ def list_(as_json: bool) -> None:
 
 @click.command("check")
 @click.argument("model")
-@click.option("--no-drive", is_flag=True, help="Do not drive it.")
+@click.option("--no-drive", is_flag=True, help="Only read the files; do not drive the robot.")
 @own_robot_options
 @json_option
 def check(model: str, no_drive: bool, packages: tuple[Path, ...], xacro_args: dict[str, str], as_json: bool) -> None:
     """Check MODEL: a URDF, a xacro or a folder with one, or the name of a model that comes with Elea.
 
-    Tells what is understood of drive, sensors, joints, masses and friction, what looks wrong, and what is ignored. Then
-    drives it in an empty world, without a network: 1 m straight, 360 degrees on the spot, 1 m sideways if it can, and
-    moves each joint. Exit status 1 when something is broken or a trial fails.
+    Lists what is understood of its drive, sensors, joints, masses and friction, what looks wrong, and what is ignored.
+    Then drives it in an empty world, without a network: 1 m straight, 360 degrees on the spot, 1 m sideways if it can,
+    and moves each joint. The exit status is 1 if something is broken or a trial fails.
     """
     from deploy.live.output import write_json, write_text
     from services.sim.model_check import check_model

@@ -1,4 +1,4 @@
-"""``elea new``: make a folder to begin from."""
+"""``elea new``: make a folder to start from."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from deploy.commands.lazy_group import LazyCommand, LazyGroup
     "new", cls=LazyGroup, table={"exercise": LazyCommand("new:exercise_command", "Make the folder of an exercise.")}
 )
 def command() -> None:
-    """Make a folder to begin from."""
+    """Make a folder to start from."""
 
 
 @click.command("exercise")

@@ -23,7 +23,7 @@ filter_option: Callable[[F], F] = click.option(
     "pattern",
     default="",
     metavar="PATTERN",
-    help="Only names with this text, or that fit this pattern, e.g. 'tb3_1*/odom'.",
+    help="Only names that contain this text or match this pattern, e.g. 'tb3_1*/odom'.",
 )
 
 

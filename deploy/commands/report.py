@@ -17,8 +17,8 @@ from services.runtime.errors import BadInput
 def command(run: Path, every: bool, as_json: bool) -> None:
     """Show the report of RUN, the folder of a run; the latest run by default.
 
-    Of more than 8 robots the table shows the worst, and sums up the others. The exit status is that of ./elea up: 0 if
-    every check holds, 1 if not, 2 for bad input.
+    With more than 8 robots, the table shows the worst and summarizes the others. The exit status is that of ./elea up:
+    0 if every check holds, 1 if not, 2 for bad input.
     """
     from deploy.live.output import write_text
     from deploy.report.load import read_report

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 @click.option("--domain", default="", help="Isolate the fleet from others on the same network.")
 @click.option("--record", is_flag=True, help="Record all topics into a bag next to the report.")
 @click.option("--new", "apart", is_flag=True, help="Start a fleet of its own, even if one is running.")
-@click.option("--no-view", is_flag=True, help="Do not open a viewer, nor serve the run to one.")
+@click.option("--no-view", is_flag=True, help="Neither open a viewer nor serve the run to one.")
 @click.option("--no-picture", is_flag=True, help="Write no report.png; drawing it takes half a second.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.option("--screen", is_flag=True, help="Show what all programs print; it is logged in any case.")
@@ -46,8 +46,8 @@ def command(
 ) -> None:
     """Run a launch file of ROS 1: that of a PACKAGE found on disk, or one named by its PATH.
 
-    Without Gazebo in it, it joins the running fleet, if there is one; else it becomes a fleet, with supervision, logs
-    and a report. Packages are used as they lie on disk: nothing is built.
+    If it does not start Gazebo, its nodes join the running fleet, if there is one. Otherwise it becomes a fleet of its
+    own, with supervision, logs and a report. Packages are used as they are on disk; nothing is built.
     """
     from deploy.launch.launch_file import declared_arguments
     from deploy.launch.open_launch import checked_fleet, find_launch, make_fleet, split_words
@@ -69,7 +69,7 @@ def command(
     else:
         if options["screen"]:
             made.show_programs()
-        raise SystemExit(_start(path, launch, made, options))
+        raise SystemExit(_start(path, made, options))
 
 
 def _listing(launch: Launch, made: FleetOfLaunch, nodes: bool, args_of: str) -> str:
@@ -89,7 +89,7 @@ def _listing(launch: Launch, made: FleetOfLaunch, nodes: bool, args_of: str) -> 
     return yaml.safe_dump(made.table.get("rosparam", {}), sort_keys=True)
 
 
-def _start(path: Path, launch: Launch, made: FleetOfLaunch, options: dict[str, Any]) -> int:
+def _start(path: Path, made: FleetOfLaunch, options: dict[str, Any]) -> int:
     from deploy.launch.open_launch import checked_fleet
     from deploy.live.output import printable
     from services.runtime.fleet_instances import running_fleets

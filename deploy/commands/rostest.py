@@ -18,13 +18,13 @@ from deploy.fleet import MODES
 @click.option("--xunit", metavar="DIR", default="", help="Folder for the results as JUnit XML.")
 @click.option("--runs", metavar="DIR", default="", help="Folder that holds the folders of runs; runs by default.")
 @click.option("--seed", type=int, metavar="N", help="Random seed of the sensor noise and of the programs.")
-@click.option("--port", type=int, help="Port that identifies the fleets; other than those that run.")
+@click.option("--port", type=int, help="Port that identifies the fleets of the tests; not that of a running fleet.")
 @click.option("--text", "-t", is_flag=True, hidden=True)
 def command(words: tuple[str, ...], xunit: str, runs: str, text: bool, **options: Any) -> None:
     """Run the <test> tags of a launch file, with its nodes, one after the other.
 
-    A test has passed when its program ends well within its time-limit, counted in simulation time. The exit status is
-    1 if one has failed.
+    A test passes if its program succeeds before its time-limit, counted in simulation time. The exit status is 1 if a
+    test failed.
     """
     from deploy.launch.fleet_of_launch import fleet_of_launch
     from deploy.launch.launch_file import read_launch

@@ -29,8 +29,8 @@ ROBOT_TOPICS = ("cmd_vel", "odom", "scan", "imu", "joint_states", "battery_state
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Router to join; the running fleet's by default.")
 @click.option("--domain", default="", help="Domain of the fleet; it keeps fleets of one network apart.")
 @click.option("--log-level", default="", metavar="LEVEL", help="Log this level and above: debug, info, warn or error.")
-@click.option("--robot", default="", metavar="NAME", help="ROS: give it this robot's /cmd_vel, /odom, … and frames.")
-@click.option("--frame-prefix", metavar="PREFIX", help="ROS: what that robot's frames begin with; NAME/ by default.")
+@click.option("--robot", default="", metavar="NAME", help="ROS: use the /cmd_vel, /odom, … and frames of this robot.")
+@click.option("--frame-prefix", metavar="PREFIX", help="ROS: prefix of that robot's frames; NAME/ by default.")
 @click.option("--wall-time", is_flag=True, help="ROS: follow the wall clock; no simulation is needed.")
 @click.option("--rate", type=float, metavar="HZ", help="ROS: steps per second in lockstep; 100 by default.")
 @click.option("--seed", type=int, metavar="N", help="ROS: seed of its random numbers.")
@@ -39,7 +39,7 @@ ROBOT_TOPICS = ("cmd_vel", "odom", "scan", "imu", "joint_states", "battery_state
 def command(target: str, arguments: tuple[str, ...], port: int | None, **options: Any) -> None:
     """Run TARGET, the name of a service or a .py file of your own, with the remaining arguments.
 
-    A program written for ROS 1 (it imports rospy) runs as it is; what follows its name goes to it, as
+    A program written for ROS 1 (it imports rospy) runs unchanged; the words after its name are its arguments, as in
     `./elea run --namespace /tb3_0 talker.py chatter:=news _rate:=5`.
 
     TARGET container runs several services in one process:
@@ -63,12 +63,12 @@ def command(target: str, arguments: tuple[str, ...], port: int | None, **options
         if api == "ros1":
             run_script(Path(target), arguments, port, options)
         if runs_nothing(Path(target)):
-            raise BadInput(f"{target} only defines things, and runs none: a controller ends with a call of main")
+            raise BadInput(f"{target} defines things but runs nothing: a controller ends with a call of main")
     elif target not in (*service_kinds(), CONTAINER):
         raise unknown_name("service", target, (*service_kinds(), CONTAINER))
     for name in ("robot", "frame_prefix", "wall_time", "rate", "seed"):
         if options[name]:
-            raise BadInput(f"--{name.replace('_', '-')} is for programs of ROS; {target} is none")
+            raise BadInput(f"--{name.replace('_', '-')} is for programs of ROS, which {target} is not")
     if target == CONTAINER and (options["namespace"] or options["remap"]):
         raise BadInput("--namespace and --remap belong to a node: state them in its --node")
     port, arguments = _extract_fleet(port, arguments)

@@ -280,7 +280,7 @@ start_option = click.option(
     help="Simulation time at which it starts, in seconds; now by default.",
 )
 duration_option = click.option(
-    "--duration", type=float, default=1.0, help="How long it acts, in seconds; 1 by default, until cleared if negative."
+    "--duration", type=float, default=1.0, help="How long it acts, in seconds; 1 by default; negative: until cleared."
 )
 
 

@@ -38,9 +38,9 @@ _SET_HELP = (
 )
 @click.option("--runs", metavar="DIR", default="", help="Folder that holds the folders of runs; runs by default.")
 @click.option("--resume", metavar="DIR", default="", help="Go on with the sweep in DIR, as it was defined there.")
-@click.option("--retry", is_flag=True, help="Run again what ended without a report.")
-@click.option("--plot", metavar="FIGURE", default="", help="Draw a figure over what was varied, as tb3_0.track_max_m.")
-@click.option("--over", metavar="KEY", default="", help="What to draw it over; the first varied number by default.")
+@click.option("--retry", is_flag=True, help="Run again the runs that ended without a report.")
+@click.option("--plot", metavar="FIGURE", default="", help="Report figure to plot, e.g. tb3_0.track_max_m.")
+@click.option("--over", metavar="KEY", default="", help="Varied value to plot it over; the first number by default.")
 @click.option("--mode", type=click.Choice(MODES), help="How time runs; the fleet's by default.")
 @click.option("--engine", type=click.Choice(ENGINES), help="Physics engine; the fleet's by default.")
 @click.option("--factor", type=float, help="Simulated seconds per wall-clock second, in mode real.")
@@ -62,8 +62,8 @@ def command(
 ) -> None:
     """Run FLEET (lab by default) once for each combination, and tabulate the reports in sweep.csv and sweep.parquet.
 
-    Ctrl-C ends the runs that are at work; the same command with --report DIR, or --resume DIR, runs those that are
-    missing, also after a crash. Saved parameters are neither used nor changed. The exit status is 0 if all checks of
+    Ctrl-C ends the current runs; the same command with --report DIR, or --resume DIR, runs the missing ones, also
+    after a crash. Saved parameters are neither used nor changed. The exit status is 0 if all checks of
     all runs pass, 1 if not, 2 for bad input, 130 if interrupted.
     """
     from deploy.sweep.runner import open_folder, read_definition

@@ -54,7 +54,7 @@ def tree_command(place: NetworkAddress, listen: float, as_json: bool) -> None:
     help="Transforms per second of simulation time.",
 )
 @click.option("--once", is_flag=True, help="Exit after the first transform.")
-@click.option("--count", "-n", type=click.IntRange(1), metavar="N", help="End after N.")
+@click.option("--count", "-n", type=click.IntRange(1), metavar="N", help="Exit after N transforms.")
 @click.option(
     "--timeout",
     type=click.FloatRange(0.1, 3600),

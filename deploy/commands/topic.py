@@ -22,7 +22,7 @@ COMMANDS = {
     "list": LazyCommand("topic:list_command", "List the topics of the network."),
     "echo": LazyCommand("topic_messages:echo_command", "Show the messages of a topic."),
     "hz": LazyCommand("topic_messages:hz_command", "Measure the rate of topics."),
-    "bw": LazyCommand("topic_messages:bw_command", "Measure the bandwidth that a topic takes."),
+    "bw": LazyCommand("topic_messages:bw_command", "Measure the bandwidth of a topic."),
     "delay": LazyCommand("topic_messages:delay_command", "Measure the delay of a topic."),
     "info": LazyCommand("topic:info_command", "Show the type, publishers and subscribers of a topic."),
     "pub": LazyCommand("topic_messages:pub_command", "Publish messages."),

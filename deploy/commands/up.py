@@ -54,7 +54,7 @@ class _Mode(click.Choice[str]):
     is_flag=False,
     flag_value=SHARE,
     metavar="[N]",
-    help=f"Let services that can share a process do, N nodes in each ({SHARE}).",
+    help=f"Run services that can share a process together, N nodes in each ({SHARE}).",
 )
 @click.option("--domain", default="", help="Isolate the fleet from others on the same network.")
 @click.option(
@@ -68,7 +68,7 @@ class _Mode(click.Choice[str]):
 @click.option("--params", metavar="FILE", default="", help="File of saved parameters; params/FLEET.db by default.")
 @click.option("--no-saved", is_flag=True, help="Neither use nor save saved parameters.")
 @click.option("--record", is_flag=True, help="Record all topics into a bag next to the report.")
-@click.option("--no-view", is_flag=True, help="Do not open a viewer, nor serve the run to one.")
+@click.option("--no-view", is_flag=True, help="Neither open a viewer nor serve the run to one.")
 @click.option("--no-picture", is_flag=True, help="Write no report.png; drawing it takes half a second.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(

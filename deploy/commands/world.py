@@ -22,7 +22,7 @@ COMMANDS = {
 def command() -> None:
     """Worlds: those that come with Elea, and files of your own. Needs no network.
 
-    A file is a TOML of Elea's, an SDF (.sdf, .world) or a map.yaml.
+    A world file is TOML in Elea's format, an SDF (.sdf, .world) or a map.yaml.
     """
 
 
@@ -65,14 +65,14 @@ def check_command(world: str, packages: tuple[Path, ...], as_json: bool) -> None
 @click.argument("world")
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("map.yaml"), help="The file to write.")
 @click.option(
-    "--resolution", type=click.FloatRange(0.001, 10), default=0.05, show_default=True, help="Size of a cell, m."
+    "--resolution", type=click.FloatRange(0.001, 10), default=0.05, show_default=True, help="Cell size, in m."
 )
 @click.option(
     "--height",
     type=click.FloatRange(0.06, 100),
     default=0.5,
     show_default=True,
-    help="Only what is between 0.05 m and this height is an obstacle, m.",
+    help="Only what lies between 0.05 m and this height, in m, counts as an obstacle.",
 )
 @click.option("--packages", multiple=True, type=click.Path(path_type=Path), help="Folder to look for model:// in.")
 def map_command(world: str, output: Path, resolution: float, height: float, packages: tuple[Path, ...]) -> None:

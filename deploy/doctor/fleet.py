@@ -292,7 +292,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
 
 
 def _healths(replies: Sequence[Reply]) -> Iterator[Health]:
-    """The answers of nodes that tell their health when they are asked."""
+    """The answers of nodes that are asked for their health."""
     read = decoder(Health)
     for each in replies:
         if each.ok and 0 < len(each.payload) <= HEALTH.largest:

@@ -207,7 +207,7 @@ def disk_space(name: str, path: Path, free: int) -> Finding:
     """Whether ``free`` bytes are room enough on the disk of ``path``."""
     mib = free // 2**20
     if mib < MIN_DISK_MIB:
-        return fail(name, f"{path}: {mib} MiB are free", "make room on this disk: runs/ holds old recordings")
+        return fail(name, f"{path}: {mib} MiB are free", "free space on this disk: runs/ holds old recordings")
     if mib < LOW_DISK_MIB:
-        return warn(name, f"{path}: {mib} MiB are free", "make room on this disk: runs/ holds old recordings")
+        return warn(name, f"{path}: {mib} MiB are free", "free space on this disk: runs/ holds old recordings")
     return ok(name, f"{path}, {mib / 1024:.0f} GiB free")

@@ -197,7 +197,7 @@ def _has_problems(beat: Health) -> bool:
 
 def _advice(router: str, fleets: Sequence[FleetInstance]) -> str:
     if _fleet_at(router, fleets) is not None:
-        return "the fleet may be starting, or its router hang: ./elea ps, ./elea logs router, ./elea restart router"
+        return "the fleet may be starting, or its router may hang: ./elea ps, ./elea logs router, ./elea restart router"
     advice = "start a fleet: ./elea up; or name its router with --connect"
     elsewhere = ", ".join(f"{each.fleet} with --port {each.port}" for each in fleets)
     return f"{advice}; running: {elsewhere}" if elsewhere else advice

@@ -31,13 +31,13 @@ def make_exercise(name: str, kind: str, parent: Path) -> Path:
         The new folder.
 
     Raises:
-        BadInput: The name is no name, the folder is there already or cannot be written.
+        BadInput: The name is not valid, or the folder exists already or cannot be written.
     """
     if kind not in EXERCISES:
         raise unknown_name("exercise", kind, EXERCISES)
     validate(name)
     if "/" in name:
-        raise BadInput(f"{name!r} is a path: give a name, and the folder that it is made in by --in")
+        raise BadInput(f"{name!r} is a path: give a name, and with --in the folder to make it in")
     target = parent / name
     try:
         target.mkdir()
@@ -46,7 +46,7 @@ def make_exercise(name: str, kind: str, parent: Path) -> Path:
                 text = source.read_text().replace("NAME", name).replace("ELEA", shlex.quote(str(ROOT / "elea")))
                 (target / source.name.removesuffix(TEMPLATE)).write_text(text)
     except FileExistsError:
-        raise BadInput(f"{target} is there already: choose another name, or remove it") from None
+        raise BadInput(f"{target} exists already: choose another name, or remove it") from None
     except OSError as error:
         shutil.rmtree(target, ignore_errors=True)
         raise BadInput(f"{target} cannot be made: {error.strerror}") from None

@@ -323,7 +323,7 @@ class _Maker:
         self._launch.note(f"{node.where}: {node.what} is left out: {why}")
 
     def _thing(self, spawn: Spawn) -> None:
-        """A spawned model that is no robot: our program of that name puts it there."""
+        """A spawned model that is not a robot: our program of that name puts it there."""
         if spawn in self._robots:
             return
         service: dict[str, Any] = {"kind": str(STAND_INS / "gazebo_ros/scripts/spawn_model"), "name": spawn.node.name}

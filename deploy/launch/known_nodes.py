@@ -1,4 +1,4 @@
-"""Well-known nodes of ROS: what of Elea does their work, or what to say about them."""
+"""Well-known nodes of ROS: the part of Elea that replaces each, or a remark for one that has no replacement."""
 
 from __future__ import annotations
 

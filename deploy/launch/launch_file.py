@@ -256,7 +256,7 @@ class _File:
     def children(self, parent: LaunchElement, scope: _Scope) -> None:
         if parent.text.strip() and parent.tag in ("launch", "group", "include"):
             said = " ".join(parent.text.split())[:60]
-            self._launch.note(f"{parent.where}: the text {said!r} in <{parent.tag}> is no element; it is left out")
+            self._launch.note(f"{parent.where}: the text {said!r} in <{parent.tag}> is not an element; it is left out")
         for element in parent.children:
             if self._holds(element):
                 self._element(element, scope)
@@ -294,7 +294,7 @@ class _File:
     def _unknown(self, element: LaunchElement, known: Sequence[str]) -> None:
         """Note an element that roslaunch passes over."""
         near = did_you_mean(element.tag, known)
-        self._launch.note(f"{element.where}: <{element.tag[:40]}> is no element here{near}; it is left out")
+        self._launch.note(f"{element.where}: <{element.tag[:40]}> is not an element here{near}; it is left out")
 
     def _get(self, element: LaunchElement, name: str, default: str = "") -> str:
         said = element.attributes.get(name)
@@ -464,7 +464,7 @@ class _File:
         name = self._get(element, "name") or self._get(element, "test-name")
         legal = legal_node_name(name)
         if not legal:
-            element.fail(f"<{element.tag}>: {name!r} is no name of a node")
+            element.fail(f"<{element.tag}>: {name!r} is not a valid node name")
         if legal != name:
             self._launch.note(f"{element.where}: the node's name {name!r} is not legal; {legal!r} is taken")
         namespace = self._namespace(element, scope)
@@ -517,7 +517,7 @@ class _File:
         try:
             return float(said) if said else default
         except ValueError:
-            element.fail(f"{name}={said[:40]!r} is no number of seconds")
+            element.fail(f"{name}={said[:40]!r} is not a number of seconds")
 
     def _include(self, element: LaunchElement, scope: _Scope) -> None:
         known = ("ns", "clear_params", "pass_all_args")

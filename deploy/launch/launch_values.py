@@ -60,7 +60,7 @@ def convert_value(text: str, kind: str, where: str) -> Any:
             case "yaml":
                 return read_parameters(text, where)
     except ValueError:
-        raise BadInput(f"{where}: {text[:80]!r} is no {kind}") from None
+        raise BadInput(f"{where}: {text[:80]!r} is not a valid {kind}") from None
     raise unknown_name("type", kind, TYPES, where)
 
 
@@ -152,9 +152,9 @@ def _loader() -> type[yaml.SafeLoader]:
 def _number(text: str) -> float:
     """A sum or product of numbers and pi, as ``pi/2``."""
     if not re.fullmatch(r"[\d\s.+\-*/()eEpi]*", text):
-        raise ValueError(f"{text[:40]!r} is no angle")
+        raise ValueError(f"{text[:40]!r} is not an angle")
     names: Mapping[str, Any] = {"__builtins__": {}, "pi": math.pi}
     try:
         return float(eval(compile(text.strip(), "<angle>", "eval"), dict(names)))
     except (SyntaxError, NameError, ArithmeticError, TypeError) as error:
-        raise ValueError(f"{text[:40]!r} is no angle: {error}") from None
+        raise ValueError(f"{text[:40]!r} is not an angle: {error}") from None

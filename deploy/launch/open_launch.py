@@ -1,4 +1,4 @@
-"""From the words of ``roslaunch`` to a launch file that is read, and to its fleet."""
+"""Finds and reads the launch file that the arguments of ``roslaunch`` name, and makes its fleet."""
 
 from __future__ import annotations
 
@@ -41,13 +41,6 @@ def split_words(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     names = [each for each in words if ":=" not in each]
     pairs = [each.partition(":=") for each in words if ":=" in each]
     return names, {name: value for name, _, value in pairs}
-
-
-def open_launch(words: Sequence[str], here: Path) -> tuple[Launch, FleetOfLaunch]:
-    """The launch file that a command line names, and the fleet that it makes; raises BadInput."""
-    names, arguments = split_words(words)
-    path, packages = find_launch(names, here)
-    return make_fleet(path, arguments, packages)
 
 
 def make_fleet(path: Path, arguments: Mapping[str, str], packages: LaunchPackages) -> tuple[Launch, FleetOfLaunch]:

@@ -120,7 +120,7 @@ def _number(node: LaunchNode, option: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise BadInput(f"{node.where}: spawn_model {option} {text!r} is no number") from None
+        raise BadInput(f"{node.where}: spawn_model {option} {text!r} is not a number") from None
 
 
 def _source(node: LaunchNode, launch: Launch, values: Mapping[str, str]) -> tuple[Description | str, str]:

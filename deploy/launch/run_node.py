@@ -1,4 +1,4 @@
-"""Runs what stands for a well-known node that is started by hand, as ``rosrun turtlesim turtlesim_node``."""
+"""Runs the substitute for a well-known node that is started by hand, as ``rosrun turtlesim turtlesim_node``."""
 
 from __future__ import annotations
 

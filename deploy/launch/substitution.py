@@ -1,4 +1,4 @@
-"""Substitution arguments of launch files: ``$(find pkg)``, ``$(arg x)``, ``$(env V)``, ``$(eval …)`` and their like."""
+"""Substitution arguments of launch files: ``$(find pkg)``, ``$(arg x)``, ``$(env V)``, ``$(eval …)`` and others."""
 
 from __future__ import annotations
 

@@ -41,15 +41,15 @@ class MessageReader:
         """The message with all its fields; of an unknown or wrong type, as decoded; None if it is not MessagePack."""
         type_name = sample.type or self._expected
         if sample.origin is None:
-            self._note("a foreign sender, not of this project, publishes here: its samples have no number and no name")
+            self._note("an external program publishes here: its samples carry no number and no name")
         elif self._expected and sample.type and sample.type != self._expected:
-            self._note(f"{sample.type} comes where {self._expected} is declared")
+            self._note(f"{sample.type} arrives where {self._expected} is declared")
         decode = self._decoder(type_name)
         try:
             if decode is not None:
                 return plain_record(decode(sample.payload))
         except WrongPayload as error:
-            self._note(f"the samples are no {type_name}, subscribers refuse them; shown as decoded ({error})")
+            self._note(f"the samples are not {type_name}: subscribers refuse them; shown as decoded ({error})")
         try:
             return plain(sample.payload)
         except WrongPayload as error:

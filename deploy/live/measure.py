@@ -1,4 +1,4 @@
-"""Measuring topics until it is enough: a report each second, and a last one at the end, also after Ctrl-C."""
+"""Measures topics: a report each second, and a last one at the end, also after Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standard output that its reader may close at any time, as ``head`` does: then the verb ends, quietly."""
+"""Standard output whose reader may close it at any time, as ``head`` does; the verb then ends quietly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Publishing what a person types: typed, numbered, stamped with simulation time, at a rate."""
+"""Publishes messages from the command line: typed, numbered, stamped with simulation time, at a rate."""
 
 from __future__ import annotations
 

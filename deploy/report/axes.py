@@ -110,7 +110,7 @@ def base_column(trail: np.ndarray, name: str) -> np.ndarray:
 
 
 WORLD_MARGIN_M, WORLD_MARGIN_SHARE = 1.5, 0.2
-"""How far around what was driven the world is shown: so many metres, or this share of its extent if that is more."""
+"""Margin of the world around the driven paths: metres, or a share of their extent if that is more."""
 
 WORLD_FILL = 0.4
 """Opacity of the bodies of the world."""

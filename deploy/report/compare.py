@@ -1,4 +1,4 @@
-"""Compares two runs: their trajectories, and their bags where both have one."""
+"""Compares two runs: their trajectories, and their bags if both have one."""
 
 from __future__ import annotations
 

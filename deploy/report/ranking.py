@@ -1,4 +1,4 @@
-"""Which robots of a run did worst, for a table and a picture that have room for some of them."""
+"""The robots of a run, worst first, for a table and a picture that show only some of them."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ def pending_change_lines(report: Report) -> list[str]:
 def observer_loss_lines(report: Report) -> list[str]:
     """The losses of observers, which do not count for the run."""
     missed = named([f"{node} {count}" for node, count in report.run.onlookers_lost.items()], MAX_NAMED)
-    return [f"messages missed by onlookers, which the run does not depend on: {missed}"] if missed else []
+    return [f"messages missed by observers, on which the run does not depend: {missed}"] if missed else []
 
 
 def wheeled_robots(report: Report) -> dict[str, RobotFigures]:
@@ -239,7 +239,7 @@ def arm_lines(robots: Mapping[str, Figures]) -> list[str]:
 
 
 def square_lines(robots: Mapping[str, Figures]) -> list[str]:
-    """For each robot that drove a closed way: how it met the corners, and how the way closed."""
+    """For each robot that drove a closed path: how it met the corners, and how the path closed."""
     lines = []
     for name, each in _driving(robots).items():
         met = [corner for corner in each.corners if corner is not None]
@@ -329,7 +329,7 @@ MEDIAN_ROW = "all"
 
 
 def _rest_lines(names: list[str], report: Report) -> list[str]:
-    """What is said of the robots without a row, of which the command that shows them all tells more."""
+    """A line about the robots without a row, with the command that shows them all."""
     if not names:
         return []
     missed = missed_checks(report)

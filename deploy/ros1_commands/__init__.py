@@ -1,1 +1,1 @@
-"""The commands of ROS 1 under their names, so that a tutorial's lines can be typed as they stand."""
+"""The commands of ROS 1 under their names, so that the lines of a tutorial work unchanged."""

@@ -1,4 +1,4 @@
-"""What each command of ROS 1 does here: a verb of Elea, a program with its output, or a word that it is not needed."""
+"""What each command of ROS 1 does here: it runs a verb of Elea or a program of ROS's output, or is not needed."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def _rospack(words: list[str]) -> int:
     return 0
 
 
-def _said(text: str) -> Command:
+def _print_text(text: str) -> Command:
     def say(_: list[str]) -> int:
         sys.stdout.write(f"{text}\n")
         return 0
@@ -193,15 +193,15 @@ COMMANDS: dict[str, Command] = {
     "roscore": _roscore,
     "rosbag": _rosbag,
     "rospack": _rospack,
-    "rosversion": _said("noetic"),
+    "rosversion": _print_text("noetic"),
     "roswtf": lambda words: _elea("doctor"),
     "rviz": lambda words: _elea("view"),
     "rqt": lambda words: _elea("panel"),
     "gazebo": lambda words: _elea("view"),
-    "rosdep": _said(_NO_DEPENDENCIES),
-    "catkin_make": _said(NOTHING_TO_BUILD),
-    "catkin": _said(NOTHING_TO_BUILD),
-    "catkin_init_workspace": _said(NOTHING_TO_BUILD),
+    "rosdep": _print_text(_NO_DEPENDENCIES),
+    "catkin_make": _print_text(NOTHING_TO_BUILD),
+    "catkin": _print_text(NOTHING_TO_BUILD),
+    "catkin_init_workspace": _print_text(NOTHING_TO_BUILD),
     "catkin_create_pkg": _create_package,
 }
 """The commands by their names; all others that begin with ``rqt`` open the panel."""

@@ -23,7 +23,7 @@ rosls() { _elea_folder "$1" && shift && ls "$@" "$_elea_found"; }
 
 
 def shell_code(here: Path, environment: Mapping[str, str] | None = None) -> str:
-    """What ``eval`` makes of a shell, bash, zsh or sh, for as long as it lives: commands, variables, ``roscd``.
+    """Shell code for ``eval`` in bash, zsh or sh: commands, variables and ``roscd`` until the shell exits.
 
     ``here`` is the current folder: the workspace around it is found from everywhere then, as after sourcing its setup.
     """

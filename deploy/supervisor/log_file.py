@@ -104,7 +104,7 @@ def _read(pipe: int, waiting: queue.Queue[bytes | None]) -> None:
 
 
 def _dropped(lines: int) -> bytes:
-    return f"\n{NOTE}{lines} lines were dropped: the disk did not take them in time\n".encode()
+    return f"\n{NOTE}{lines} lines were dropped: the disk was too slow\n".encode()
 
 
 def _write(waiting: queue.Queue[bytes | None], path: Path, largest: int, show: ShowLine | None) -> None:

@@ -108,7 +108,7 @@ def read_axes(seeds: str, assignments: Sequence[str]) -> tuple[Axis, ...]:
         key = " ".join(key.split())
         if not equals or not key:
             raise BadInput(
-                f"--set {text!r} is no assignment: write KEY=VALUE,VALUE, as waypoint.max_linear=0.1,0.2, or "
+                f"--set {text!r} is not an assignment: write KEY=VALUE,VALUE, as waypoint.max_linear=0.1,0.2, or "
                 "'SET NAME=VALUE,VALUE', as '/tb3_0/waypoint max_linear=0.1,0.2'"
             )
         if any(each.key == key for each in axes):
@@ -147,7 +147,7 @@ def _seeds(text: str) -> Iterator[str]:
             raise BadInput(f"--seeds {text}: {part.strip()!r} is neither a seed nor a range: write 0..31, or 1,2,7..9")
         first, last = int(found[1]), int(found[2] or found[1])
         if last < first:
-            raise BadInput(f"--seeds {text}: the range {part.strip()} has its end before its beginning")
+            raise BadInput(f"--seeds {text}: the range {part.strip()} ends before it begins")
         if last - first >= MAX_RUNS:
             raise BadInput(f"--seeds {text}: the range {part.strip()} has more than {MAX_RUNS} seeds")
         yield from map(str, range(first, last + 1))

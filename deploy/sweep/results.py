@@ -68,7 +68,7 @@ def make_row(run: Run, folder: Path, result: Result) -> Row:
     row |= {name: getattr(report.run, name) for name in RUN_KEYS}
     for robot, figures in report.robots.items():
         row |= {f"{robot}.{name}": value for name, value in _scalars(msgspec.to_builtins(figures))}
-    # What services state themselves is no figure of a robot's or of the run's.
+    # What services state themselves is not a figure of a robot's or of the run's.
     row |= {each.name: each.value for each in report.checks if each.name not in row}
     return row
 

@@ -30,7 +30,7 @@ RUNS_FOLDER = "runs"
 LOG_FILE = "up.log"
 """What ``up`` wrote, in the folder of a run."""
 FIRST_PORT, LAST_PORT = 20_000, 29_999
-"""Ports that tell the fleets of sweeps apart; nothing listens on them."""
+"""Ports that identify the fleets of sweeps; nothing listens on them."""
 _STOP_S = 60.0
 """Wall time in which a run that is interrupted must have ended."""
 
@@ -50,7 +50,7 @@ def open_folder(folder: Path, definition: Definition) -> Iterator[None]:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise BadInput(f"another ./elea sweep works on {folder}: wait for its end") from None
+            raise BadInput(f"another ./elea sweep is using {folder}: wait until it ends") from None
         yield
     finally:
         os.close(descriptor)
@@ -64,7 +64,7 @@ def _begin(folder: Path, definition: Definition) -> None:
                 raise BadInput(f"{folder} holds another sweep: {_difference(known, definition)}; take another --report")
             return
         if folder.is_dir() and any(folder.iterdir()):
-            raise BadInput(f"{folder} holds something else than a sweep: take another --report")
+            raise BadInput(f"{folder} holds something other than a sweep: take another --report")
         (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
         write_atomic(file, msgspec.json.format(msgspec.json.encode(definition)))
     except OSError as error:
@@ -77,7 +77,7 @@ def read_definition(folder: Path) -> Definition:
     try:
         return msgspec.json.decode(file.read_bytes(), type=Definition)
     except OSError as error:
-        raise BadInput(f"{folder} is no folder of a sweep: {file}: {error.strerror}") from None
+        raise BadInput(f"{folder} is not a folder of a sweep: {file}: {error.strerror}") from None
     except DECODE_ERRORS as error:
         raise BadInput(f"{file} is damaged: {error}") from None
 

@@ -303,7 +303,7 @@ def _hint(bare: str) -> str:
 def _action_messages(
     name: str, goal: MessageDefinition, result: MessageDefinition, feedback: MessageDefinition
 ) -> tuple[MessageDefinition, ...]:
-    """The messages that ROS 1 makes of an action, in genaction's order."""
+    """The messages that ROS 1 generates from an action, in genaction's order."""
     header = Field("header", "std_msgs/Header")
     goal_id, status = Field("goal_id", "actionlib_msgs/GoalID"), Field("status", "actionlib_msgs/GoalStatus")
     wrapped = (

@@ -1,4 +1,4 @@
-"""Records of types that this project has no class for, made of definitions: standard ones, or learned from senders.
+"""Records for types that have no class in this project, made from standard definitions or from those of their senders.
 
 With such a record a message of any type is decoded, shown, built from text and written as CDR like those of our own.
 """

@@ -107,7 +107,7 @@ def _cut(file: Path, found: Mapping[str, Any]) -> str:
     absent = [key for key in (*_KEYS, *later) if key not in found]
     files, names = found.get("files"), found["relative_file_paths"]
     if not absent and isinstance(files, list) and "files" in later and len(files) < len(names):
-        return f"{file} is cut or damaged: it tells of {len(files)} of {len(names)} files"
+        return f"{file} is cut off or damaged: it lists {len(files)} of {len(names)} files"
     return f"{file} is cut or damaged: it has no {absent[0]}" if absent else ""
 
 

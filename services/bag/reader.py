@@ -126,7 +126,7 @@ def open_bag(path: Path) -> Bag:
     if not path.exists():
         raise BadInput(f"there is no bag {path}")
     if not path.is_file():
-        raise BadInput(f"{path} is not a bag: it is no file and no folder")
+        raise BadInput(f"{path} is not a bag: it is neither a file nor a folder")
     _check_magic(path)
     return Bag(path, [path])
 

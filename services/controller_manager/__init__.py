@@ -11,16 +11,16 @@ class ControllerManagerParameters(Parameters, frozen=True, kw_only=True):
 
     config: str = param(
         "",
-        text="YAML file of the controllers, which a fleet counts from its own folder; or its content, in braces.",
+        text="YAML file of the controllers, in a fleet relative to the fleet file; or its content, in braces.",
         max_length=65536,
         live=False,
     )
     robot: str = param(
-        "", text="Name of the robot in the simulation; that of the namespace if empty.", max_length=255, live=False
+        "", text="Name of the robot in the simulation; the namespace's if empty.", max_length=255, live=False
     )
     controllers: tuple[str, ...] = param(
         (),
-        text="Controllers to start; all, where none is named, but those whose joints another one has.",
+        text="Controllers to start; if empty, all whose joints no other controller has.",
         max_length=100,
         live=False,
     )

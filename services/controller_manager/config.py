@@ -63,7 +63,7 @@ TYPES: dict[str, ControllerType] = {
     "joint_state_controller/JointStateController": ControllerType("state", "position", "position"),
     "joint_state_broadcaster/JointStateBroadcaster": ControllerType("state", "position", "position"),
 }
-"""The types that there are; of ROS 2's, the file's ``interface_name`` or ``command_interfaces`` have the last word."""
+"""The known types; for those of ROS 2, the file's ``interface_name`` or ``command_interfaces`` decide."""
 
 ROS_2_TRAJECTORY = "joint_trajectory_controller/JointTrajectoryController"
 FORWARD_COMMAND = "forward_command_controller/ForwardCommandController"

@@ -1,4 +1,4 @@
-"""Reads the YAML files of ros_control and ros2_control: what is wrong in one is told with file and line."""
+"""Reads the YAML files of ros_control and ros2_control; errors name file and line."""
 
 from __future__ import annotations
 
@@ -127,9 +127,9 @@ def read_config(path: Path, namespace: str, chosen: Collection[str] = ()) -> Man
         text = data.decode("utf-8")
     except FileNotFoundError:
         near = did_you_mean(path.name, (each.name for each in path.parent.glob("*.y*ml")))
-        raise BadInput(f"there is no controllers' file {path}{near}") from None
+        raise BadInput(f"there is no controller file {path}{near}") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"the controllers' file {path} cannot be read: {error}") from None
+        raise BadInput(f"the controller file {path} cannot be read: {error}") from None
     return parse_config(path, text, namespace, chosen)
 
 
@@ -232,7 +232,7 @@ class _Reader:
             type_name, type_path = types[found.name]
         else:
             near = did_you_mean(found.name, types)
-            self._notes.append(f"{self._source.location(*path)}: {found.name} is no controller that has a type{near}")
+            self._notes.append(f"{self._source.location(*path)}: {found.name} is not a controller with a type{near}")
             return None
         where = self._source.location(*type_path)
         if type_name in OF_THE_SIMULATION:
@@ -245,7 +245,7 @@ class _Reader:
             error = unknown_name("type of controller", type_name, TYPES, f"{where}: {found.name}")
             raise BadInput(f'{error}; to leave it out, name those to run: controllers = ["NAME"]')
         if not _NAME.fullmatch(found.name):
-            raise BadInput(f"{where}: {found.name[:80]!r} is no name of a controller: letters, digits and _")
+            raise BadInput(f"{where}: {found.name[:80]!r} is not a valid controller name: letters, digits and _")
         each = TYPES[type_name]
         table = {**table, "type": type_name}
         head = _Head(found.name, type_name, where)
@@ -369,7 +369,7 @@ class _Reader:
     def _check_joints(self, joints: tuple[str, ...], path: Path_) -> None:
         for index, joint in enumerate(joints):
             if joint in joints[:index]:
-                raise BadInput(f"{self._source.location(*path, 'joints')}: the joint {joint!r} is there twice")
+                raise BadInput(f"{self._source.location(*path, 'joints')}: the joint {joint!r} occurs twice")
 
     def _gains(self, table: Any, path: Path_, below: Path_ = ()) -> dict[str, Gains]:
         """Gains by joints."""

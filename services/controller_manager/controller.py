@@ -1,21 +1,94 @@
-"""What all controllers have in common: what the manager asks of one, and what one is given."""
+"""What all controllers share: the joints as they see them, the limits of their commands, and their interface."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from messages.joints import JointTarget
+from messages.sensor import JointState
 from messages.topics import Topic
+from models.urdf import JointLimits
 from services.controller_manager.config import ControllerConfig
 from services.controller_manager.joint_pid import Announce
-from services.controller_manager.robot_state import CommandLimiter, RobotState
 from services.runtime.publisher import Publisher
 from services.runtime.subscriber import Stream
 
 MAX_GAP_S = 0.1
 """Time between two control ticks beyond which it has jumped: nothing is integrated or differentiated over it."""
+
+
+class JointReading(NamedTuple):
+    """Position [rad or m] and velocity [rad/s or m/s] of a joint."""
+
+    position: float
+    velocity: float
+
+
+RobotState = Mapping[str, JointReading]
+"""All joints of a robot, by name."""
+
+
+def robot_state(message: JointState) -> RobotState:
+    """The joints of a message; none, if it has no positions or no velocities."""
+    rows = zip(message.name, message.position, message.velocity, strict=False)
+    return {name: JointReading(*row) for name, *row in rows}
+
+
+def shortest_angle(start: float, end: float) -> float:
+    """The least turn [rad] from one angle to another, from -pi to pi."""
+    return math.remainder(end - start, math.tau)
+
+
+class CommandLimiter:
+    """Keeps commands within the limits of the URDF; ``limited`` counts those that were not, and ``warn`` says why.
+
+    A velocity limit of 0 or none is no limit, as in most URDFs; ``effort`` is limited without a warning, since the
+    output of a PID often is.
+    """
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        self.limits: Mapping[str, JointLimits] = {}
+        self.limited = 0
+        self._warn = warn
+
+    def is_continuous(self, joint: str) -> bool:
+        """Whether a joint is continuous."""
+        return joint in self.limits and self.limits[joint].kind == "continuous"
+
+    def error(self, joint: str, wanted: float, position: float) -> float:
+        """``wanted`` minus ``position`` [rad or m], the shorter way round for continuous joints."""
+        return shortest_angle(position, wanted) if self.is_continuous(joint) else wanted - position
+
+    def position(self, controller: str, joint: str, value: float) -> float:
+        """A position [rad or m] within the joint's range."""
+        limits = self.limits.get(joint, _NONE)
+        low = -math.inf if limits.lower is None else limits.lower
+        high = math.inf if limits.upper is None else limits.upper
+        return self._within(controller, joint, "position", value, low, high)
+
+    def velocity(self, controller: str, joint: str, value: float) -> float:
+        """A velocity [rad/s or m/s] within the joint's limit."""
+        most = self.limits.get(joint, _NONE).velocity or math.inf
+        return self._within(controller, joint, "velocity", value, -most, most)
+
+    def effort(self, joint: str, value: float) -> float:
+        """An effort [N m or N] within the joint's limit."""
+        limit = self.limits.get(joint, _NONE).effort
+        return value if limit is None else max(-limit, min(limit, value))
+
+    def _within(self, controller: str, joint: str, what: str, value: float, low: float, high: float) -> float:
+        if low <= value <= high:
+            return value
+        self.limited += 1
+        bound = low if value < low else high
+        self._warn(f"{controller}: the {what} {value:g} of {joint} is clamped to {bound:g}, its limit in the URDF")
+        return bound
+
+
+_NONE = JointLimits(kind="continuous")
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from services.runtime.action_goals import Goals
 LARGEST = 1 << 20
 """Bytes of a trajectory."""
 STATUS_RATE = 5.0
-"""Hz, as actionlib's ``status_frequency``; a change is told at once."""
+"""Hz, as actionlib's ``status_frequency``; a change is published at once."""
 
 
 class FollowJointTrajectoryServer:

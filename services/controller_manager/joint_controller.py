@@ -9,9 +9,8 @@ from messages.joints import JointTarget
 from messages.std import Float64, Float64MultiArray, Header, Time
 from messages.topics import Quality, Topic
 from services.controller_manager.config import ControllerConfig
-from services.controller_manager.controller import MAX_GAP_S, Due, Ports
+from services.controller_manager.controller import MAX_GAP_S, Due, Ports, RobotState
 from services.controller_manager.joint_pid import JointPid, PidParameters
-from services.controller_manager.robot_state import RobotState
 
 STATE_RATE = 50.0
 """Hz, of the state of a controller with a PID."""

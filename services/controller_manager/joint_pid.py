@@ -19,7 +19,7 @@ class PidParameters(Parameters, frozen=True, kw_only=True):
     i_clamp_min: float = param(0.0, -1e6, 0, text="Lower bound of the integral term; 0, as in ROS, disables it.")
     i_clamp_max: float = param(0.0, 0, 1e6, text="Upper bound of the integral term; 0, as in ROS, disables it.")
     antiwindup: bool = param(False, text="Clamp the integral itself, not only its term.")
-    ff_velocity_scale: float = param(0.0, -1e6, 1e6, text="Share of a trajectory's velocity that is fed forward.")
+    ff_velocity_scale: float = param(0.0, -1e6, 1e6, text="Feed-forward gain on the trajectory's velocity.")
 
     @classmethod
     def of(cls, gains: Gains) -> PidParameters:

@@ -12,10 +12,9 @@ from models.urdf import parse_urdf
 from services.controller_manager import ControllerManagerParameters
 from services.controller_manager.config import ManagerConfig
 from services.controller_manager.config_file import read_stated
-from services.controller_manager.controller import Ports
+from services.controller_manager.controller import CommandLimiter, Ports, RobotState, robot_state
 from services.controller_manager.joint_pid import PidParameters, PidSource
 from services.controller_manager.manager import ControllerManager
-from services.controller_manager.robot_state import CommandLimiter, RobotState, robot_state
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput
 from services.runtime.parameters.client import ParameterClient
@@ -139,14 +138,14 @@ class _ManagerLoop:
         try:
             joints = {each.name: each.limits for each in parse_urdf(description.data).joints}
         except BadInput as error:
-            self._ctx.log.warn(f"the robot_description is not taken: {error}", every=WARN_PERIOD_S)
+            self._ctx.log.warn(f"the robot_description is refused: {error}", every=WARN_PERIOD_S)
             return
         try:
             self._manager.check_joints(joints)
         except BadInput as error:
             if not self._described:
                 raise
-            self._ctx.log.warn(f"another robot_description is not taken: {error}", every=WARN_PERIOD_S)
+            self._ctx.log.warn(f"another robot_description is refused: {error}", every=WARN_PERIOD_S)
         self._described = True
 
     def _stopped_by(self) -> str:

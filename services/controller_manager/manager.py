@@ -10,10 +10,9 @@ from messages.joints import JointTarget
 from messages.std import Empty
 from models.urdf import JointLimits
 from services.controller_manager.config import ControllerConfig, ManagerConfig, hardware_gain_set
-from services.controller_manager.controller import MAX_GAP_S, Controller, Ports
+from services.controller_manager.controller import MAX_GAP_S, Controller, Ports, RobotState
 from services.controller_manager.joint_controller import JointController
 from services.controller_manager.joint_pid import JointPid, PidParameters
-from services.controller_manager.robot_state import RobotState
 from services.controller_manager.trajectory_controller import TrajectoryController
 from services.runtime.errors import BadInput, unknown_name
 
@@ -112,7 +111,7 @@ class ControllerManager:
             each.read(now, refusal)
 
     def halt(self, reason: str, now: int) -> None:
-        """Let all controllers begin anew, once the joints are seen again."""
+        """Restart all controllers once the joints are seen again."""
         for name in tuple(self._started):
             self._halt(name, reason, now)
         for pid in self._hardware.values():
@@ -179,7 +178,7 @@ class ControllerManager:
         for name in names:
             for joint in self._configs[name].joints:
                 if (other := claimed.setdefault(joint, name)) != name:
-                    raise BadInput(f"{name} and {other} both want the joint {joint}: stop one of them")
+                    raise BadInput(f"{name} and {other} both claim the joint {joint}: stop one of them")
 
 
 def _make(config: ControllerConfig, ports: Ports) -> Controller | None:

@@ -14,12 +14,18 @@ from messages.std import Duration, Header, Time
 from messages.topics import Quality, Topic
 from messages.trajectory import JointTrajectory, JointTrajectoryPoint
 from services.controller_manager.config import ROS_2_TRAJECTORY, ControllerConfig
-from services.controller_manager.controller import MAX_GAP_S, Due, Ports
+from services.controller_manager.controller import MAX_GAP_S, Due, Ports, RobotState
 from services.controller_manager.follow_joint_trajectory import LARGEST, FollowJointTrajectoryServer
 from services.controller_manager.joint_pid import JointPid, PidParameters
-from services.controller_manager.robot_state import RobotState
-from services.controller_manager.tolerances import default_tolerances, goal_tolerances, violation
-from services.controller_manager.trajectory import Sampled, Trajectory, Values, hold
+from services.controller_manager.trajectory import (
+    Sampled,
+    Trajectory,
+    Values,
+    default_tolerances,
+    goal_tolerances,
+    hold,
+    violation,
+)
 from services.controller_manager.trajectory_message import BadTrajectory, plan
 from services.runtime.errors import BadInput
 
@@ -48,7 +54,7 @@ class TrajectoryController:
                     JointTrajectoryControllerState,
                     self._terms.state_publish_rate,
                     Quality.SENSOR,
-                    "where the joints shall be, and are",
+                    "desired and actual state of the joints",
                 )
             )
             for each in names

@@ -42,7 +42,7 @@ def plan(
     Args:
         message: The trajectory; a stamp of 0 is ``now``.
         joints: The controller's joints.
-        continuous: Those of them that turn for ever.
+        continuous: Those of them that are continuous.
         config: The controller's terms.
         current: What is followed at present.
         now: The time.

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from messages.elea import GoalStatus
+from messages.errors import BadInput
 from messages.geometry import Pose, PoseStamped
 from messages.nav import Odometry, Path
 from messages.se2 import Pose2, Twist2
@@ -78,9 +79,43 @@ def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
     return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
 
 
-def goal_from_pose(asked: PoseStamped) -> Goal:
-    """Return a pose message as a goal with a heading."""
-    return Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw)
+class PlanReporter:
+    """Publishes the plan when it changes, and the status when the state or the goal does.
+
+    Args:
+        publish_plan: Publishes on PLAN.
+        publish_status: Publishes on STATUS.
+    """
+
+    def __init__(self, publish_plan: Callable[[Path], object], publish_status: Callable[[GoalStatus], object]) -> None:
+        self._publish_plan, self._publish_status = publish_plan, publish_status
+        self._plan: Plan | None = None
+        self._shown: tuple[State, int] | None = None
+
+    def reset(self) -> None:
+        """Publish the next plan even if it is the same."""
+        self._plan = None
+
+    def report_plan(self, plan: Plan, header: Header) -> None:
+        """Publish the plan if it is a new one; its first status follows in any case."""
+        if plan is not self._plan:
+            self._plan, self._shown = plan, None
+            self._publish_plan(path_message(plan, header))
+
+    def report_status(self, progress: Progress, header: Header) -> bool:
+        """Publish the status if it is another one; returns whether it was."""
+        if self._shown == (progress.state, progress.index):
+            return False
+        self._shown = progress.state, progress.index
+        self._publish_status(status_message(progress, header))
+        return True
+
+
+def plan_to_pose(asked: PoseStamped, frame: str) -> Plan:
+    """The plan to a pose with its heading; raises BadInput unless the pose is in the world or in the odom ``frame``."""
+    if asked.header.frame_id not in ("", "world", frame):
+        raise BadInput(f"goal refused: its frame {asked.header.frame_id!r} is neither 'world' nor {frame!r}")
+    return Plan((Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw),))
 
 
 def path_message(plan: Plan, header: Header) -> Path:

@@ -20,7 +20,7 @@ class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class SizeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The room that robot ``name`` takes: a circle of ``radius`` [m] around its base frame, in which it reaches from
+    """The size of robot ``name``: a circle of ``radius`` [m] around its base frame, in which it reaches from
     ``bottom`` to ``top`` [m]; without a top, to any height."""
 
     name: str
@@ -56,11 +56,11 @@ class GraderParameters(Parameters):
         (), text="How each base brakes, to compute the expected stopping distance."
     )
     sizes: tuple[SizeSpec, ...] = param(
-        (), text="The room that each robot takes, to measure its clearance from the bodies of the world.", live=False
+        (), text="Size of each robot, to measure its clearance from the bodies of the world.", live=False
     )
-    arms: tuple[ArmSpec, ...] = param((), text="The robots that are arms.", live=False)
+    arms: tuple[ArmSpec, ...] = param((), text="Robots that are arms.", live=False)
     turtlesims: tuple[str, ...] = param(
-        (), text="Nodes of turtlesim, whose turtles are measured as robots, whenever they come.", live=False
+        (), text="Nodes of turtlesim whose turtles are measured as robots, whenever they appear.", live=False
     )
     ends: Literal["goals", "duration", "never"] = param(
         "goals", text="End the run when all robots have finished, after the duration, or only when stopped."
@@ -70,7 +70,7 @@ class GraderParameters(Parameters):
         0.0, 0, 1e7, "s", "Earliest time at which finished goals end the run: after the last scheduled change."
     )
     readers: tuple[str, ...] = param(
-        (), text="The fleet's own nodes, whose lost messages count; those of others are listed separately.", live=False
+        (), text="The fleet's own nodes, whose lost messages count; those of others are listed apart.", live=False
     )
     output: str = param(".", text="Folder for measurements.json and trajectories.npz.", live=False)
     reach_tolerance: Annotated[

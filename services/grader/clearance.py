@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.se3 import Pose3
-from services.driving.footprint import Footprint, NearestBody
-from services.driving.world_bodies import FIXED, GROUND, World, WorldBody
 from services.grader import SizeSpec
+from services.markers.footprint import Footprint, NearestBody
+from services.markers.world_bodies import FIXED, GROUND, World, WorldBody
 
 STEP_HEIGHT = 0.02
 """m; what reaches no higher above the lowest point of a robot is driven over."""

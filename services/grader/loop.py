@@ -33,11 +33,11 @@ from messages.topics import (
     Topic,
 )
 from messages.visualization import MarkerArray
-from services.driving.world_bodies import World, world_bodies
 from services.grader import ArmSpec, BrakingSpec, GraderParameters
 from services.grader.measurement import Measurement, MessageKind
 from services.grader.records import EndReason
 from services.grader.results import prepare_folder, world_arrays, write_results
+from services.markers.world_bodies import World, world_bodies
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 

@@ -21,7 +21,7 @@ def _signed(text: str, unit: str) -> Meta:
 
 
 class CornerFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """A corner of a closed way, where the robot said that it had reached it; headings are off to the left if positive.
+    """A corner of a closed path, where the robot said that it had reached it; headings are off to the left if positive.
 
     true: on ground truth; odometry: by the robot's own odometry, placed in the world where the two first agreed.
     """
@@ -29,11 +29,11 @@ class CornerFigures(msgspec.Struct, frozen=True, kw_only=True):
     at_s: Annotated[float, _figure("simulation time at which the robot said so", "s")]
     true_m: Annotated[float, _figure("true distance from the corner", "m")]
     true_deg: Annotated[
-        float, Meta(description="true heading less the one asked for", extra_json_schema={"unit": "deg"})
+        float, Meta(description="true heading minus the requested one", extra_json_schema={"unit": "deg"})
     ]
     odometry_m: Annotated[float, _figure("distance from the corner by odometry", "m")]
     odometry_deg: Annotated[
-        float, Meta(description="heading by odometry less the one asked for", extra_json_schema={"unit": "deg"})
+        float, Meta(description="heading by odometry minus the requested one", extra_json_schema={"unit": "deg"})
     ]
 
 
@@ -65,9 +65,9 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
     odometry_heading_error_final_deg: Annotated[float, _figure("that difference at the end", "deg")] | None
     corners: Annotated[
         tuple[CornerFigures | None, ...],
-        Meta(description="corners of a closed way, as a square is, in order; null where not reached"),
+        Meta(description="corners of a closed path such as a square, in order; null where not reached"),
     ]
-    closure_m: Annotated[float, _figure("true distance of the end of the closed way from its beginning", "m")] | None
+    closure_m: Annotated[float, _figure("true distance between the end of the closed path and its start", "m")] | None
     closure_heading_deg: Annotated[float, _figure("true difference of the headings there", "deg")] | None
     closure_odometry_m: Annotated[float, _figure("the same distance by odometry", "m")] | None
     closure_odometry_heading_deg: Annotated[float, _figure("the same difference by odometry", "deg")] | None
@@ -92,7 +92,7 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
         | None
     ) = None
     min_clearance_at_s: Annotated[float, _figure("simulation time of that", "s")] | None = None
-    min_clearance_to: Annotated[str, Meta(description="the body that it was nearest to")] | None = None
+    min_clearance_to: Annotated[str, Meta(description="the nearest body")] | None = None
     collisions: Annotated[int, _count("contacts with robots and obstacles, counted at their beginning")] | None
     commands_timed_out: Annotated[int, _count("times the base stopped because its command had grown too old")] | None
     stale_dropped: Annotated[int, _count("commands that were too old on arrival and not obeyed")] | None

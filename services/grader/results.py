@@ -10,7 +10,6 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from services.driving.world_bodies import World
 from services.grader.arm import ArmMeter
 from services.grader.records import (
     ARM_TRAIL_COLUMNS,
@@ -21,6 +20,7 @@ from services.grader.records import (
     Measurements,
 )
 from services.grader.robot import RobotMeter
+from services.markers.world_bodies import World
 from services.runtime import atomic_file
 from services.runtime.errors import BadInput
 

@@ -63,7 +63,7 @@ class LocalPlannerParameters(Parameters):
 
 SERVICE = Service(
     name="local_planner",
-    about="Drives a robot to its goals around what its laser sees.",
+    about="Drives a robot to its goals and avoids what its laser sees.",
     run="services.local_planner.loop:run",
     rate=10,
     parameters=LocalPlannerParameters,

@@ -1,4 +1,4 @@
-"""The local planner's law: towards the goal, around others, and another way after a while without progress."""
+"""The control law of the local planner: towards the goal, around others, and a detour when there is no progress."""
 
 from __future__ import annotations
 

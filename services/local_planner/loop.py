@@ -10,25 +10,25 @@ from messages.se2 import Pose2
 from messages.sensor import LaserScan
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, SCAN, STATUS
-from services.driving.plan import Plan, goal_from_pose, path_message, pose_and_twist, status_message
+from services.driving.plan import PlanReporter, plan_to_pose, pose_and_twist
 from services.local_planner import PLAN_LEVEL, LocalPlannerParameters
 from services.local_planner.controller import LocalPlanner, plan_of
 from services.local_planner.detection import detect
 from services.local_planner.tracking import Tracker
 from services.runtime.context import Context
+from services.runtime.errors import BadInput
 from services.runtime.tf.listener import TransformListener
 
 
 def run(ctx: Context[LocalPlannerParameters]) -> None:
     """Drive until asked to stop; the last command is STOP."""
     odom, scans, goals = ctx.latest(ODOM), ctx.latest(SCAN), ctx.stream(GOAL_POSE)
-    commands, plans, states = ctx.advertise(CMD_VEL), ctx.advertise(PLAN), ctx.advertise(STATUS)
+    commands = ctx.advertise(CMD_VEL)
+    reporter = PlanReporter(ctx.advertise(PLAN).publish, ctx.advertise(STATUS).publish)
     mount = LaserMount(ctx.transforms(moving=False))
     frame = f"{ctx.namespace.strip('/')}/odom".lstrip("/")
     planner, tracker = LocalPlanner(ctx.params, ctx.node_name), Tracker()
     begun = False
-    published: Plan | None = None
-    shown: tuple[str, int] | None = None
     silence = 0.0
     try:
         for tick in ctx.ticks():
@@ -38,21 +38,18 @@ def run(ctx: Context[LocalPlannerParameters]) -> None:
             header = Header(stamp=Time.of(tick.time), frame_id=frame)
             if tick.reset or not begun:
                 planner, tracker = LocalPlanner(p, ctx.node_name), Tracker()
-                published, silence, begun = None, 0.0, True
+                silence, begun = 0.0, True
+                reporter.reset()
             elif ctx.params_changed:
                 planner.reconfigure(p)
                 if ctx.params_changed & PLAN_LEVEL:
                     planner.set_plan(plan_of(p))
             for asked in goals.drain():
-                if asked.header.frame_id in ("", "world", frame):
-                    planner.set_plan(Plan((goal_from_pose(asked),)))
-                else:
-                    ctx.log.warn(
-                        f"goal refused: its frame {asked.header.frame_id!r} is neither 'world' nor {frame!r}", every=1
-                    )
-            if planner.plan is not published:
-                published, shown = planner.plan, None
-                plans.publish(path_message(planner.plan, header))
+                try:
+                    planner.set_plan(plan_to_pose(asked, frame))
+                except BadInput as error:
+                    ctx.log.warn(str(error), every=1)
+            reporter.report_plan(planner.plan, header)
 
             now, scan = odom.fresh(p.odometry_timeout), scans.fresh(p.scan_timeout)
             if now is None or scan is None or (laser := mount.pose(now, scan)) is None:
@@ -73,9 +70,7 @@ def run(ctx: Context[LocalPlannerParameters]) -> None:
                 progress = planner.step(here, moving, tracker.obstacles(tick.time), tick.dt)
             if progress.command is not None:
                 commands.publish(Twist.planar(progress.command.v, progress.command.w))
-            if shown != (progress.state, progress.index):
-                shown = progress.state, progress.index
-                states.publish(status_message(progress, header))
+            reporter.report_status(progress, header)
     finally:
         if planner.plan.goals:
             commands.publish(STOP)

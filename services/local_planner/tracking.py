@@ -1,4 +1,4 @@
-"""Follows what the laser sees from scan to scan: where it is in the odom frame, and how fast it moves."""
+"""Tracks the obstacles that the laser sees from scan to scan: their positions in the odom frame, and velocities."""
 
 from __future__ import annotations
 

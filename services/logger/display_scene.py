@@ -16,9 +16,9 @@ from messages.std import Header
 from messages.turtlesim import Pose as TurtlePose
 from messages.visualization import Marker
 from models.palette import Palette
-from services.driving.displays import DISPLAYED, MarkerSet, markers_of
 from services.logger import entity_paths
 from services.logger.marker_shapes import marker_shape
+from services.markers.displays import DISPLAYED, MarkerSet, markers_of
 
 Log = Callable[..., None]
 """``log(entity, time_ns, *shapes)``; static without a time."""

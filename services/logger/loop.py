@@ -11,9 +11,8 @@ from messages.names import absolute_namespace
 from messages.topics import ROSOUT, WORLD_MARKERS, WORLD_STATES
 from models.model import read_model
 from services.logger import LoggerParameters
-from services.logger.display_subscriptions import DisplaySubscriptions
 from services.logger.file_rotation import rotate
-from services.logger.subscriptions import RobotSubscriptions
+from services.logger.subscriptions import DisplaySubscriptions, RobotSubscriptions
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 
@@ -35,7 +34,7 @@ def run(ctx: Context[LoggerParameters]) -> None:
     namespaces = pair_names(names, "namespaces", p.namespaces or tuple(names))
     prefixes = pair_names(names, "frame_prefixes", p.frame_prefixes or tuple(f"{name}/" for name in names))
     if aside := rotate(file):
-        ctx.log.warn(f"{file.name} existed already, as after a crash: it is kept as {aside.name}")
+        ctx.log.warn(f"{file.name} existed already, perhaps after a crash: it is kept as {aside.name}")
     with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer, prefixes) as recording:
         ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
         show_live(ctx, recording)

@@ -10,8 +10,8 @@ from messages.errors import BadInput
 from messages.se3 import IDENTITY, Pose3
 from messages.std import ColorRGBA
 from messages.visualization import Marker
-from services.driving.footprint import transformed
-from services.driving.world_bodies import marker_triangles
+from services.markers.footprint import transformed
+from services.markers.world_bodies import marker_triangles
 
 FLAT_TRIANGLES = 50_000
 """Triangles of a mesh whose faces are shaded flat, which takes three vertices for each."""

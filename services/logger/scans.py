@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from messages.se3 import Pose3
 from messages.sensor import LaserScan
-from services.driving.footprint import transformed
-from services.driving.laser import scan_points
 from services.logger.static_frames import mount_transform
+from services.markers.displays import scan_points
+from services.markers.footprint import transformed
 from services.runtime.tf.buffer import TransformBuffer
 
 MAX_SCANS = 200

@@ -47,7 +47,7 @@ def repaired(rrd: Path, folder: Path) -> Path:
     try:
         subprocess.run([RERUN, "rrd", "optimize", rrd, "-o", copy], capture_output=True, timeout=REPAIR_TIMEOUT_S)
     except subprocess.TimeoutExpired:
-        raise BadInput(f"{rrd} could not be mended within {REPAIR_TIMEOUT_S:.0f} s of wall time") from None
+        raise BadInput(f"{rrd} could not be repaired within {REPAIR_TIMEOUT_S:.0f} s of wall time") from None
     if not copy.is_file() or _read_error(copy):
         raise BadInput(f"{rrd} is not a recording that can be shown: {trouble}")
     if not _has_times(copy):
@@ -114,7 +114,7 @@ def robot_position(rrd: Path, robot: str, timeline: str, at: float) -> Point:
             if parent == ["world"] and latest < stamp <= round(at * 1e9):
                 latest, place = int(stamp), spot[0]
     if place is None:
-        raise BadInput(f"{rrd}: it is not known where {robot} is at {at:g} s of simulation time")
+        raise BadInput(f"{rrd}: the position of {robot} is not known at {at:g} s of simulation time")
     return float(place[0]), float(place[1]), float(place[2])
 
 
@@ -174,11 +174,6 @@ class Screenshot(NamedTuple):
     robot: str = ""
 
 
-def screenshot(rrd: Path, png: Path, at: float | None = None) -> None:
-    """Write one screenshot of the recording as it opens; see ``screenshots``."""
-    screenshots(rrd, [Screenshot(png, at)])
-
-
 def screenshots(rrd: Path, shots: Sequence[Screenshot], size: tuple[int, int] = SIZE) -> None:
     """Write screenshots of ``size`` in pixels.
 
@@ -191,10 +186,12 @@ def screenshots(rrd: Path, shots: Sequence[Screenshot], size: tuple[int, int] = 
         for shot in shots:
             if shot.robot and shot.robot not in robots:
                 raise unknown_name("robot", shot.robot, robots, str(rrd))
-        _take(rrd, file, shots, size, robots)
+        _capture(rrd, file, shots, size, robots)
 
 
-def _take(rrd: Path, file: Path, shots: Sequence[Screenshot], size: tuple[int, int], robots: dict[str, float]) -> None:
+def _capture(
+    rrd: Path, file: Path, shots: Sequence[Screenshot], size: tuple[int, int], robots: dict[str, float]
+) -> None:
     """Take screenshots of ``file``, the recording ``rrd`` or its repaired copy."""
     with headless_viewer(file, size) as viewer:
         timeline, end = _timeline(viewer)

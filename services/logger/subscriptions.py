@@ -1,12 +1,44 @@
-"""Subscribes to the topics of one robot for the logger."""
+"""The topics that the logger subscribes to: those of each robot, and all that carry something to draw."""
 
 from __future__ import annotations
 
-from messages.topics import CMD_VEL, CONTROL_STATE, GOAL_POSE, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS
+from collections.abc import Collection
+from typing import Any
+
+from messages.records import RECORDS
+from messages.se3 import IDENTITY, Pose3
+from messages.std import Header
+from messages.tf import TFMessage
+from messages.topics import (
+    CMD_VEL,
+    CONTROL_STATE,
+    GOAL_POSE,
+    GROUND_TRUTH,
+    JOINT_STATES,
+    ODOM,
+    PLAN,
+    SCAN,
+    STATUS,
+    TF,
+    WORLD_MARKERS,
+    Quality,
+    Topic,
+    largest_of,
+)
 from services.logger import LoggerParameters
 from services.logger.columns import RobotColumns
+from services.logger.display_scene import SHOWN, DisplayScene
 from services.runtime.context import Context
+from services.runtime.errors import NoTransform
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.subscriber import Subscriber
 from services.runtime.tf.buffer import TransformBuffer
+from services.runtime.tf.listener import TransformListener
+
+SIMULATION = "/sim"
+"""The node whose scans, images and transforms are drawn with its robots."""
+MAX_TOPICS = 64
+WORLD = "world"
 
 
 class RobotSubscriptions:
@@ -66,3 +98,62 @@ class RobotSubscriptions:
             if optional is not None:
                 optional.refresh()
         self.collect(now, 0.0)
+
+
+class DisplaySubscriptions:
+    """The topics that others than the simulation publish and that can be drawn; ``own`` are those of robots, which are
+    drawn otherwise."""
+
+    def __init__(self, ctx: Context[Any], own: Collection[str]) -> None:
+        self._ctx, self._own = ctx, {WORLD_MARKERS.name, *own}
+        self._watch = ctx.node.transport.watch(token_pattern("pub"))
+        self._tokens: dict[str, Entity] = {}
+        self._subscribers: dict[tuple[str, str], Subscriber[Any]] = {}
+        self._frames: TransformListener = ctx.transforms(moving=False)
+        self._moving = False
+
+    def frame(self, header: Header) -> Pose3:
+        """The pose of a frame in the world; one that no transform connects with it counts as the world itself."""
+        if header.frame_id.lstrip("/") in ("", WORLD):
+            return IDENTITY
+        for time in (header.stamp.ns or None, None):
+            try:
+                return self._frames.buffer.lookup(WORLD, header.frame_id, time).transform
+            except NoTransform:
+                continue
+        return IDENTITY
+
+    def collect(self, scene: DisplayScene, now: int) -> None:
+        """Draw what came until ``now`` [ns]."""
+        self._follow(scene, now)
+        for (name, _), subscriber in self._subscribers.items():
+            for message, _ in subscriber.messages:
+                scene.add(name, message, now)
+        scene.update(now)
+
+    def _follow(self, scene: DisplayScene, now: int) -> None:
+        changed = False
+        while (event := self._watch.poll()) is not None:
+            entity = Entity.parse(event.key)
+            if entity is None or entity.node == SIMULATION:
+                continue
+            if event.alive and (entity.record in SHOWN or entity.record == TFMessage.ROS_TYPE):
+                self._tokens[event.key], changed = entity, True
+            elif self._tokens.pop(event.key, None) is not None:
+                changed = True
+        if changed:
+            self._reconcile(scene, now)
+
+    def _reconcile(self, scene: DisplayScene, now: int) -> None:
+        found = [each for each in self._tokens.values() if each.name not in self._own]
+        if not self._moving and any(each.name == TF.name for each in found):
+            self._moving, self._frames = True, self._ctx.transforms()
+        wanted = {(each.name, each.record): each.detail for each in found if each.record in SHOWN}
+        for place in [each for each in self._subscribers if each not in wanted]:
+            self._ctx.node.unregister(self._subscribers.pop(place))
+            scene.remove(place[0], now)
+        for (name, record), quality in list(wanted.items())[:MAX_TOPICS]:
+            if (name, record) not in self._subscribers:
+                kind = Quality.__members__.get(quality, Quality.SENSOR)
+                topic: Topic[Any] = Topic(name, RECORDS[record], 0, kind, "", largest_of(name, record))
+                self._subscribers[name, record] = self._ctx.node.subscribe(topic)

@@ -13,9 +13,9 @@ from messages.errors import BadInput
 from messages.gazebo import WorldStates
 from messages.geometry import Pose
 from messages.visualization import MarkerArray
-from services.driving.world_bodies import FIXED, GROUND, world_bodies
 from services.logger import entity_paths
 from services.logger.marker_shapes import marker_shape
+from services.markers.world_bodies import FIXED, GROUND, world_bodies
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]

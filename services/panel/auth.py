@@ -41,7 +41,7 @@ class Authenticator:
         self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
 
     def is_valid(self, token: str) -> bool:
-        """Whether this is the token; the time it takes tells nothing."""
+        """Whether this is the token, in constant time."""
         return secrets.compare_digest(token.encode(), self.token.encode())
 
     def query_is_valid(self, scope: Scope) -> bool:
@@ -105,14 +105,14 @@ class AuthMiddleware:
         """Why it may not come in; empty when it may."""
         headers = Headers(scope=scope)
         if headers.get("host", "") not in self._gate.hosts:
-            return "this host is not mine: open the page as 127.0.0.1"
+            return "this host name is not accepted: open the page as 127.0.0.1"
         if scope["type"] == "websocket":
             if not self._gate.is_same_origin(headers):
-                return "a page from elsewhere may not speak to this one"
+                return "a page of another origin may not connect to this one"
             if not self._gate.cookie_is_valid(headers):
                 return "the token is missing or old: open the address that ./elea panel prints"
         elif headers.get("origin") is not None and not self._gate.is_same_origin(headers):
-            return "a page from elsewhere may not read this one"
+            return "a page of another origin may not read this one"
         return ""
 
 

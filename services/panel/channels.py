@@ -135,11 +135,10 @@ class ParameterSetsChannel:
         self.version = 0
         self._subscriptions, self._graph = SubscriptionGroup(subscriptions), graph
         self._known: dict[str, tuple[int, Any]] = {}
-        self._wanted = False
         self._reconciled = -1
 
     def set_enabled(self, wanted: bool) -> None:
-        self._wanted, self._reconciled = wanted, -1
+        self._reconciled = -1
         if not wanted:
             self._subscriptions.set_topics({})
             self._known = {}

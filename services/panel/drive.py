@@ -27,7 +27,7 @@ COMMAND_RATE = 20.0
 """Commands per second of wall time while a hand is on the stick."""
 
 CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
-"""``cmd_vel`` of bases that take it with its time."""
+"""``cmd_vel`` of bases that expect TwistStamped."""
 
 
 class DriveCommand(NamedTuple):
@@ -83,7 +83,7 @@ class DriveController:
         if session is None:
             session = self._sessions[said.robot] = self._open_session(robot)
         if session.page is not None and session.page is not page:
-            raise BadInput(f"another page drives {said.robot}: it has to let go first")
+            raise BadInput(f"another page is driving {said.robot}: it must release it first")
         session.page, session.command, session.last_message = page, DriveCommand(said.v, said.w), now
 
     def release(self, page: Page) -> None:
@@ -113,7 +113,7 @@ class DriveController:
                 self._close_session(name)
 
     def close(self) -> None:
-        """The panel ends: robots that it drives are told to stand."""
+        """Stop the robots that the panel drives, as it ends."""
         for session in self._sessions.values():
             self._publish(session, ZERO_COMMAND, self._sim_ns)
 
@@ -142,7 +142,7 @@ class GoalPublisher:
         self._publishers: dict[str, Publisher[PoseStamped]] = {}
 
     def send(self, said: Goal, sim_ns: int) -> str:
-        """Send a goal of the world; raises BadInput when nobody would take it."""
+        """Send a goal in the world frame; raises BadInput when no node would accept it."""
         robot = self._robots.by_namespace.get(said.robot)
         if robot is None:
             raise unknown_name("robot", said.robot, self._robots.by_namespace)

@@ -32,12 +32,12 @@ class EmergencyStopClient:
         self._outputs: dict[str, Publisher[Bool]] = {}
         self._requested: set[str] = set()
         self._reset: set[str] = set()
-        """What this panel has reset: what the simulation tells of it may be older than the reset."""
+        """The stops that this panel has reset; the simulation's list may be older than the reset."""
         self._status = node.subscribe(STOPS)
         self._own_id = node_id(node.identity.node)
         self._simulation_id = b""
         self._confirmed: set[str] = set()
-        """The stops of this panel that the simulation has told of, in the life of it that told last."""
+        """The stops of this panel that the current simulation has listed."""
         self._holders: dict[str, dict[str, str]] | None = None
         """By robot, each holder's id and name; None until the simulation has told."""
 
@@ -81,7 +81,7 @@ class EmergencyStopClient:
         return f"{robot or 'all robots'} may move again"
 
     def update(self) -> None:
-        """Take in what the simulation tells."""
+        """Read the simulation's list of stops."""
         for message, origin in self._status.messages:
             self._on_status(message, origin)
 

@@ -43,12 +43,8 @@ class NodeGraph:
         return sorted(self._entities.values(), key=lambda e: (e.node, e.kind, e.name))
 
     def publication(self, name: str) -> Entity | None:
-        """A publication of a topic: it tells type and quality."""
+        """A publication of a topic, with its type and quality."""
         return next((each for each in self._entities.values() if each.kind == "pub" and each.name == name), None)
-
-    def subscription(self, name: str) -> Entity | None:
-        """A subscription of a topic."""
-        return next((each for each in self._entities.values() if each.kind == "sub" and each.name == name), None)
 
     def find_topics(self, kind: str, last: str) -> list[Entity]:
         """Publications (``pub``), or subscriptions, of all topics whose last part is ``last``."""

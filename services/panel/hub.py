@@ -1,4 +1,4 @@
-"""The panel's side of the bus: follows what pages want, and sends what they say; all in the loop's thread."""
+"""The panel's side of the bus: subscribes to what pages show and publishes what they send; in the loop's thread."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Hub:
         return 0.04 if self._wanted else 1.0
 
     def update(self, now: float) -> None:
-        """Take in everything, then tell the pages; ``now`` is wall time [s]."""
+        """Read all inputs, then update the pages; ``now`` is wall time [s]."""
         self._graph.update()
         self._subscriptions.update()
         self._log.update(now)

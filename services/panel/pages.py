@@ -102,8 +102,8 @@ DISCONNECTED = Disconnected()
 class PageRegistry:
     """Used by both threads; ``wake`` wakes the loop."""
 
-    def __init__(self, nudge: Callable[[], None], most: int) -> None:
-        self._wake, self._max_pages = nudge, most
+    def __init__(self, wake: Callable[[], None], most: int) -> None:
+        self._wake, self._max_pages = wake, most
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
         self._queue: deque[tuple[Page, ClientMessage | Disconnected]] = deque()
@@ -134,7 +134,7 @@ class PageRegistry:
         self._wake()
 
     def submit(self, page: Page, said: ClientMessage) -> bool:
-        """Hand on what a page says; False when the loop is too far behind to take it."""
+        """Queue a message of a page; False when the loop is too far behind."""
         with self._lock:
             taken = len(self._queue) < MAX_QUEUED_MESSAGES
             if taken:

@@ -1,4 +1,4 @@
-"""What a page asks of other nodes: the request behind each word, with a deadline, while the loop goes on."""
+"""Requests of pages to other nodes: one for each client message, with a deadline, without blocking the loop."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class RequestClient:
         """Ask for a page; the answer, or after ``deadline`` [s] the reason for none, reaches it by ``poll``."""
         waiting = sum(each.page is page for each in self._pending)
         if waiting >= MAX_PENDING_REQUESTS:
-            raise BadInput(f"{waiting} requests wait for their answers already")
+            raise BadInput(f"{waiting} requests are already waiting for an answer")
         request, message = self._request(said)
         key = self._identity.key(request.name)
         pending = self._transport.query_async(key, encode(message), deadline)
@@ -113,4 +113,4 @@ class RequestClient:
             case History():
                 return PARAMS_HISTORY, HistoryOf(set=said.set, limit=said.limit)
             case _:
-                raise BadInput(f"{type(said).__name__} is no request of another node")
+                raise BadInput(f"{type(said).__name__} is not a request of another node")

@@ -1,4 +1,4 @@
-"""Which robots there are, as the graph tells it, and what was last heard of each."""
+"""The robots on the network, found in the graph, and the latest messages of each."""
 
 from __future__ import annotations
 

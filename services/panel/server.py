@@ -156,7 +156,7 @@ def create_app(auth: Authenticator, pages: PageRegistry) -> Starlette:
         return FileResponse(STATIC / "locked.html", status_code=401)
 
     async def session(request: Request) -> Response:
-        """Whether the token still counts: a browser does not tell a page why its socket was refused."""
+        """Whether the token is still valid: a browser does not tell a page why its socket was refused."""
         known = auth.cookie_is_valid(request.headers)
         return PlainTextResponse("known" if known else "unknown", 200 if known else 401)
 
@@ -227,7 +227,7 @@ class RateLimit:
         self._since, self._count = 0.0, 0
 
     def allows(self, now: float) -> bool:
-        """Whether another word is taken at ``now`` [s]."""
+        """Whether another message is accepted at ``now`` [s]."""
         if now - self._since > 1.0:
             self._since, self._count = now, 0
         self._count += 1
@@ -243,7 +243,7 @@ def _waker(loop: asyncio.AbstractEventLoop, wakened: asyncio.Event) -> Callable[
 
 
 async def _send(ws: WebSocket, page: Page, wakened: asyncio.Event) -> None:
-    """Send what waits, no faster than the page takes it."""
+    """Send the queued messages, no faster than the page receives them."""
     try:
         while True:
             await wakened.wait()

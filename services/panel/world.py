@@ -13,9 +13,9 @@ from messages.se3 import Pose3
 from messages.sensor import LaserScan
 from messages.topics import GROUND_TRUTH, SCAN, WORLD_MARKERS, WORLD_STATES
 from messages.visualization import MarkerArray
-from services.driving.footprint import Footprint, transformed
-from services.driving.laser import scan_points
-from services.driving.world_bodies import FIXED, GROUND, World, WorldBody, world_bodies
+from services.markers.displays import scan_points
+from services.markers.footprint import Footprint, transformed
+from services.markers.world_bodies import FIXED, GROUND, World, WorldBody, world_bodies
 from services.panel.graph import NodeGraph
 from services.panel.pages import Page
 from services.panel.protocol import as_json

@@ -65,7 +65,7 @@ class ParameterTreeServer:
         if asked.key.strip("/") == "" and not isinstance(value, dict):
             raise BadInput("/: the root of the tree takes a map of names to values alone")
         self._check_room(asked.value)
-        return self._take(asked, value, f"{asked.key} is set", deletes=False)
+        return self._change(asked, value, f"{asked.key} is set", deletes=False)
 
     def delete(self, asked: RosparamDelete) -> Done:
         """Delete a value or branch."""
@@ -73,7 +73,7 @@ class ParameterTreeServer:
             raise BadInput("/: the root of the tree cannot be deleted; set it to {} to empty it")
         if asked.time is None:
             self._find(asked.key)
-        return self._take(asked, None, f"{asked.key} is deleted", deletes=True)
+        return self._change(asked, None, f"{asked.key} is deleted", deletes=True)
 
     def get(self, asked: RosparamGet) -> RosparamValue:
         """A value or branch."""
@@ -118,7 +118,7 @@ class ParameterTreeServer:
             near = did_you_mean(key, self._tree.names())
             raise BadInput(f"there is no parameter {key}{near}") from None
 
-    def _take(self, asked: RosparamSet | RosparamDelete, value: Any, text: str, *, deletes: bool) -> Done:
+    def _change(self, asked: RosparamSet | RosparamDelete, value: Any, text: str, *, deletes: bool) -> Done:
         change = _Change(asked.time or 0, asked.writer, asked.number, asked.key, value, deletes)
         if asked.time is None:
             self._make(change)

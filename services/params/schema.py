@@ -105,7 +105,7 @@ def _validate_description(described: ParameterDescription, where: str) -> Parame
     name = described.name
     if not _NAME.fullmatch(name) or len(name) > 255:
         raise BadInput(
-            f"{where}: {name[:80]!r} is no name of a parameter: letters, digits and '_', parts joined by '.'"
+            f"{where}: {name[:80]!r} is not a valid parameter name: letters, digits and '_', parts joined by '.'"
         )
     parts = parse_type(described.type)
     if parts is None:
@@ -114,7 +114,7 @@ def _validate_description(described: ParameterDescription, where: str) -> Parame
         )
     bounded = described.low is not None or described.high is not None
     if bounded and parts[0] not in ("int", "float"):
-        raise BadInput(f"{where}: {name} has bounds, but {described.type} has none")
+        raise BadInput(f"{where}: {name} has bounds, but {described.type} does not have any")
     if (
         described.low is not None
         and described.high is not None
@@ -123,7 +123,7 @@ def _validate_description(described: ParameterDescription, where: str) -> Parame
         raise BadInput(f"{where}: the bounds of {name} exclude everything: {described.low} to {described.high}")
     lengths = (*described.shortest, *described.longest)
     if len(described.shortest) != len(described.longest) or len(described.shortest) > parts[1] + (parts[0] == "str"):
-        raise BadInput(f"{where}: {name} has bounds for {len(lengths)} lengths, which {described.type} has not")
+        raise BadInput(f"{where}: {name} has bounds for {len(lengths)} lengths, which {described.type} does not have")
     if any(0 < most < least for least, most in zip(described.shortest, described.longest, strict=True)):
         raise BadInput(f"{where}: the lengths of {name} exclude everything")
     if described.default is None:

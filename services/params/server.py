@@ -222,10 +222,10 @@ class ParameterServer:
             )
         nodes = state.schema.announced if state is not None else {}
         if asked.node not in nodes and len(nodes) >= MAX_NODES:
-            return f"{MAX_NODES} nodes share it, which is the most"
+            return f"{MAX_NODES} nodes share it, which is the limit"
         kept = sum(sum(each.values()) for each in self._sizes.values())
         if kept + size - self._sizes.get(asked.set, {}).get(asked.node, 0) > MAX_BYTES:
-            return f"the descriptions of all sets have {kept} bytes, {MAX_BYTES} is the most"
+            return f"the descriptions of all sets have {kept} bytes, the limit is {MAX_BYTES}"
         return ""
 
     def _with_announcement(self, state: SetState, asked: Announcement) -> SetState:
@@ -336,7 +336,9 @@ class ParameterServer:
 def _check_size(record: ParameterSchema | ParameterValues, largest: int) -> None:
     """Raise BadInput for a message that its subscribers would refuse."""
     if (size := len(encode(record))) > largest:
-        raise BadInput(f"{record.set} would have {size} bytes in a message, {largest} is the most; nothing was changed")
+        raise BadInput(
+            f"{record.set} would have {size} bytes in a message, the limit is {largest}; nothing was changed"
+        )
 
 
 def _digest(asked: Message) -> str:

@@ -138,7 +138,7 @@ def _is_same(text: str, value: str | float) -> bool:
 
 def _fit_text(description: ParameterDescription, value: str, where: str) -> str:
     if len(value) > _MAX_TEXT_LENGTH:
-        raise BadInput(f"{where}: a text of {len(value)} characters, at most {_MAX_TEXT_LENGTH} are taken")
+        raise BadInput(f"{where}: a text of {len(value)} characters, the limit is {_MAX_TEXT_LENGTH}")
     if new := renamed_choice(value, description.choices):
         raise BadInput(f"{where} = {format_value(value)}: it is called {new!r} now")
     if description.choices and value not in description.choices:

@@ -1,4 +1,4 @@
-"""The player service: puts a bag back on the bus, on simulated time, at any rate or in lockstep."""
+"""The player service: plays a bag back on simulated time, at any rate or in lockstep."""
 
 from __future__ import annotations
 

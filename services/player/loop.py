@@ -62,9 +62,7 @@ def run(ctx: Context[PlayerParameters]) -> None:
     _await_subscribers(ctx, publishers)
     playback = Playback(bag, selection, p.start, p.duration)
     _play(ctx, playback, playback_clock, clock_publisher, publishers)
-    _check_complete(
-        ctx, bag, selection, playback, playback_clock.lost if isinstance(playback_clock, LockstepClock) else ()
-    )
+    _check_complete(bag, selection, playback, playback_clock.lost if isinstance(playback_clock, LockstepClock) else ())
 
 
 def _play(
@@ -145,9 +143,7 @@ def _has_subscriber(output: Publisher[Any]) -> bool:
     return output.has_subscribers and output.topic.quality.name != "LATCHED"
 
 
-def _check_complete(
-    ctx: Context[PlayerParameters], bag: Bag, selection: Selection, playback: Playback, lost: tuple[str, ...]
-) -> None:
+def _check_complete(bag: Bag, selection: Selection, playback: Playback, lost: tuple[str, ...]) -> None:
     troubles = list(bag.problems)
     if lost:
         troubles.append(f"lockstep went on without {', '.join(lost)}")

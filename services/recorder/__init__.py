@@ -1,4 +1,4 @@
-"""The recorder service: writes what travels on the bus into a bag that ROS 2's tools read."""
+"""The recorder service: records topics into a bag that ROS 2's tools can read."""
 
 from __future__ import annotations
 

@@ -207,7 +207,9 @@ class BagRecorder:
         try:
             return read(message)
         except WrongPayload as error:
-            self._note_unknown(source.name, f"carries what is no {name}; it is kept as MessagePack: {error}")
+            self._note_unknown(
+                source.name, f"carries messages that are not {name}; they are kept as MessagePack: {error}"
+            )
             return message
 
     def _note_unknown(self, topic: str, problem: str) -> None:
@@ -285,7 +287,7 @@ class BagRecorder:
         return self._channels.setdefault((topic, f"{made.encoding} {made.type}"), made)
 
     def _check_disk(self) -> None:
-        """Warn while there is still time to make room."""
+        """Warn while there is still time to free space."""
         now = time.monotonic()
         if now - self._disk_checked < DISK_CHECK_PERIOD_S:
             return

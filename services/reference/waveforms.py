@@ -45,7 +45,7 @@ def read_table(path: Path) -> ReferenceTable:
     """
     try:
         if path.exists() and not path.is_file():
-            raise BadInput(f"the reference {path} cannot be read: it is no file")
+            raise BadInput(f"the reference {path} cannot be read: it is not a file")
         if path.stat().st_size > MAX_FILE_BYTES:
             raise BadInput(f"{path}: {path.stat().st_size} bytes, a reference has at most {MAX_FILE_BYTES}")
         text = path.read_text(encoding="utf-8-sig")

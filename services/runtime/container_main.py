@@ -36,7 +36,7 @@ def run_container_command_line(arguments: list[str], load: LoadService, program:
     def run(options: dict[str, Any]) -> None:
         from services.runtime.start import run_container
 
-        run_container(options["name"], options["members"], options["network"])
+        run_container(options["members"], options["network"])
 
     name = _stated_name(arguments)
     run_program(name, container_command(load), arguments, program, run)
@@ -93,7 +93,7 @@ def _member(load: LoadService, where: str, line: str) -> tuple[Service, dict[str
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
     if not isinstance(options, dict):
-        raise BadInput(f"{where}: {kind} is to run, not to be described")
+        raise BadInput(f"{where}: {kind} must run: leave out the option that only describes it")
     return service, options
 
 

@@ -53,7 +53,7 @@ class ServiceChecks:
         if self._stated.get(name) == made:
             return None
         if name not in self._stated and len(self._stated) == MOST_CHECKS:
-            raise BadInput(f"the check {name!r} is one too many: a node states {MOST_CHECKS} at most")
+            raise BadInput(f"the check {name!r} is one too many: a node may state {MOST_CHECKS}")
         self._stated[name] = made
         return tuple(self._stated.values())
 

@@ -1,4 +1,4 @@
-"""The exception tree; classes defined in other modules are listed with the module's name.
+"""The exception tree; classes of other modules are listed with the module's name.
 
 EleaError
 ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
@@ -39,7 +39,7 @@ EleaError
 ├── ServiceUnavailable           services.script.api: no node serves the name that a script calls
 ├── ServiceRefused               services.script.api: the server of a script's call answered with an error
 ├── NodeFailed                   services.runtime.composition.container: a node of a container raised an error
-├── NoKernel                     services.script.process: a client library was imported where no script runs
+├── NoKernel                     services.script.api: a client library was imported where no script runs
 └── Stopped                      the process was asked to end; unwinds the loop          -> exit status 0
 """
 

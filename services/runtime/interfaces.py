@@ -1,4 +1,4 @@
-"""Definitions of message types on the network: a node announces those of its own, others learn them."""
+"""Definitions of message types on the network: a node announces its own, and others learn them."""
 
 from __future__ import annotations
 

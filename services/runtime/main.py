@@ -102,7 +102,7 @@ def run_command_line(service: Service, arguments: list[str], program: str | None
 def run_program(
     name: str, command: click.Command, arguments: list[str], program: str | None, run: Callable[[dict[str, Any]], None]
 ) -> None:
-    """Run with the options that ``command`` makes of ``arguments``, None if there is nothing to run; ends the process.
+    """Run with the options that ``command`` parses from ``arguments``, if there is anything to run; ends the process.
 
     Args:
         name: Of the program, for its messages.
@@ -113,10 +113,22 @@ def run_program(
     """
     from services.runtime import process
 
+    options = parse_options(name, command, arguments, os.environ.pop(process.PROGRAM, program))
+    process.die_with_parent()
+    process.die_with_threads()
+    process.exit_now(_run(name, run, options))
+
+
+def parse_options(name: str, command: click.Command, arguments: list[str], program: str | None) -> dict[str, Any]:
+    """The options that ``command`` parses from ``arguments``; ends the process if they are wrong or there is no run.
+
+    Args: as for ``run_program``.
+    """
+    from services.runtime import process
+
     process.lossy_stderr()
     try:
         process.check_import_roots()
-        program = os.environ.pop(process.PROGRAM, program)
         options = command.main(arguments, program, standalone_mode=False)
     except click.ClickException as error:
         error.show()
@@ -128,9 +140,7 @@ def run_program(
         sys.exit(2)
     if not isinstance(options, dict):
         sys.exit(0)
-    process.die_with_parent()
-    process.die_with_threads()
-    process.exit_now(_run(name, run, options))
+    return options
 
 
 def _stop_at_start() -> None:
@@ -205,16 +215,16 @@ def network_options() -> list[click.Option]:
     levels, topologies = click.Choice(["debug", "info", "warn", "error"]), click.Choice(["direct", "star"])
     return [
         option(
-            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; yours, of port 7447, by default."
+            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; your own on port 7447 by default."
         ),
         option(["--domain"], default="", help="Domain of the fleet; it keeps fleets of one network apart."),
         option(
-            ["--topology"], type=topologies, default="direct", help="Connect to nodes directly, or by the router alone."
+            ["--topology"], type=topologies, default="direct", help="Connect to nodes directly, or only via the router."
         ),
-        option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),
-        option(["--await-params"], is_flag=True, help="Begin only once there is a parameter service."),
+        option(["--lockstep"], is_flag=True, help="Run in lockstep: the simulation waits for this node."),
+        option(["--await-params"], is_flag=True, help="Start only once there is a parameter service."),
         option(["--log-level"], type=levels, default="info", help="Log this level and above."),
-        option(["--print-config"], is_flag=True, help="Show what would run, and end."),
+        option(["--print-config"], is_flag=True, help="Show what would run, and exit."),
     ]
 
 

@@ -209,7 +209,7 @@ class Node:
         self._tokens["step", self.identity.node, ""] = self.transport.declare_token(entity.key)
 
     def declare_ready(self) -> None:
-        """Show, once, that the node is at work, for a node without ticks."""
+        """Report once that the node is running, for a node without ticks."""
         if not any((kind, self.identity.node, "") in self._tokens for kind in ("ready", "step")):
             entity = Entity(self.transport.session, "ready", self.identity.node)
             self._tokens["ready", self.identity.node, ""] = self.transport.declare_token(entity.key)
@@ -295,7 +295,7 @@ class Node:
         self.heartbeat.publish(self._health, *self._ends())
 
     def _ends(self) -> tuple[list[Subscriber[Any] | RefusalCounter], list[Publisher[Any]], Refusals]:
-        """The inputs, outputs and refused requests, of which its health tells."""
+        """The subscribers, publishers and refused requests that its health lists."""
         refusing = [each for each in self.refusal_counters if each.refused]
         return [*self.subscribers, *refusing], self.publishers, self.request_server.refusals
 

@@ -54,11 +54,10 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
             exit_within(CLOSE_S + 10.0, 1)
 
 
-def run_container(name: str, members: Sequence[tuple[Service, dict[str, Any]]], network: dict[str, Any]) -> None:
+def run_container(members: Sequence[tuple[Service, dict[str, Any]]], network: dict[str, Any]) -> None:
     """Open one transport, and run the loops of several services on it; raises what ends them.
 
     Args:
-        name: That of the process, for its messages.
         members: Each service, with its options.
         network: The options that all have in common.
     """

@@ -134,7 +134,7 @@ class Subscriber(Generic[M]):
         self._capacity = capacity or queue_size(topic.largest, topic.quality is Quality.EVENT, decode is not None)
         past = topic.quality is Quality.LATCHED if latched is None else latched
         self._rare, self.pending = rare, True
-        """Whether ``update`` may find or change anything; it always may, unless the network tells of samples."""
+        """Whether ``update`` may find or change anything; it always may, unless the network notifies of samples."""
         if threaded:
             self.raw: RawSubscriber = transport.subscribe_threaded(key, self._capacity, past)
         else:

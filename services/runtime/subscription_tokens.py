@@ -1,4 +1,4 @@
-"""Who reads what, by the liveliness tokens of subscriptions: certain where the network's own hint may come late."""
+"""The subscribers of each topic by their liveliness tokens: reliable where the network's own matching may come late."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.runtime.publisher import Publisher
 from services.runtime.transport.api import Transport
 
 MAX_TOKENS = 1 << 18
-"""Subscriptions that are counted; whoever forges more fills no memory."""
+"""Maximum number of subscriptions that are counted, so that forged ones cannot fill the memory."""
 
 Listener = Callable[[Entity, bool], None]
 """``listener(subscription, alive)``."""
@@ -21,8 +21,9 @@ Listener = Callable[[Entity, bool], None]
 class SubscriptionTokens:
     """Follows the subscriptions of all nodes of the network.
 
-    A node declares its subscriptions and then its readiness, so whoever has seen it ready knows all its subscriptions
-    here, and publishes for it from then on, the same in every run. ``listener`` hears of each change, for lockstep.
+    A node declares its subscriptions and then its readiness, so a node that has seen it ready knows all its
+    subscriptions and publishes for it from then on, the same in every run. ``listener`` hears of each change, for
+    lockstep.
     """
 
     def __init__(self, transport: Transport) -> None:

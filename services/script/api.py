@@ -94,7 +94,7 @@ class Parameters(Protocol):
         ...
 
     def set(self, key: str, value: Any) -> None:
-        """Set a value or, with a dict, a whole branch; raises BadInput for what is no parameter."""
+        """Set a value or, with a dict, a whole branch; raises BadInput for what is not a parameter."""
         ...
 
     def delete(self, key: str) -> None:
@@ -115,7 +115,7 @@ class Parameters(Protocol):
 
 
 class Kernel(Protocol):
-    """The node of a script: ``services.script.process.kernel()`` gives it. It connects when first needed."""
+    """The node of a script: ``services.script.api.kernel()`` gives it. It connects when first needed."""
 
     parameters: Parameters
     frames: RobotFrames
@@ -220,3 +220,23 @@ class Kernel(Protocol):
     def log(self, level: int, text: str, where: Mapping[str, Any]) -> None:
         """Publish a line on ``/rosout`` (level 1 to 16; ``where``: file, line, function), without printing."""
         ...
+
+
+class NoKernel(EleaError):
+    """A client library was imported in a process that runs no script."""
+
+
+_kernel: Kernel | None = None
+
+
+def kernel() -> Kernel:
+    """The kernel of the script that this process runs; raises NoKernel in another process."""
+    if _kernel is None:
+        raise NoKernel("this process runs no script: start it with ./elea run FILE.py")
+    return _kernel
+
+
+def set_kernel(made: Kernel | None) -> None:
+    """Let ``kernel`` return this one; for the start of a process, and for tests."""
+    global _kernel
+    _kernel = made

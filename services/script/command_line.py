@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, TryAgain
+from services.runtime.main import parse_options
 
 
 def main() -> None:
@@ -17,20 +18,7 @@ def main() -> None:
     from services.runtime import process
 
     process.install_signal_handlers(lambda: process.exit_now(0))  # until the script begins
-    process.lossy_stderr()
-    try:
-        process.check_import_roots()
-        options = _COMMAND.main(sys.argv[1:], "python -m services.script", standalone_mode=False)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(2)
-    except click.exceptions.Abort:
-        sys.exit(1)
-    except BadInput as error:
-        sys.stderr.write(f"script: {error}\n")
-        sys.exit(2)
-    if not isinstance(options, dict):
-        sys.exit(0)
+    options = parse_options("script", _COMMAND, sys.argv[1:], "python -m services.script")
     _pin_hashes(options)
     process.die_with_parent()
     process.exit_now(_run(options))
@@ -85,7 +73,7 @@ def _check(**options: Any) -> dict[str, Any] | None:
         raise BadInput(str(error)) from None
     file = Path(options["file"])
     if not file.is_file():
-        raise BadInput(f"{file}: there is no such file" if not file.exists() else f"{file} is no file")
+        raise BadInput(f"{file}: there is no such file" if not file.exists() else f"{file} is not a file")
     options["lockstep"] = options["lockstep"] and not options["wall_time"]
     if options["lockstep"] and not options["name"]:
         options["name"] = legal_node_name(file.stem) or "script"
@@ -105,28 +93,28 @@ _COMMAND = click.Command(
         _option(["--name"], default="", help="Name of the node, in place of the script's."),
         _option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; _K:=V sets a parameter."),
         _option(
-            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; yours, of port 7447, by default."
+            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; your own on port 7447 by default."
         ),
         _option(["--domain"], default="", help="Domain of the fleet; it keeps fleets of one network apart."),
         _option(
             ["--topology"],
             type=click.Choice(["direct", "star"]),
             default="direct",
-            help="Connect to nodes directly, or by the router alone.",
+            help="Connect to nodes directly, or only via the router.",
         ),
-        _option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),
-        _option(["--await-params"], is_flag=True, help="Begin only once there is a parameter service."),
+        _option(["--lockstep"], is_flag=True, help="Run in lockstep: the simulation waits for this node."),
+        _option(["--await-params"], is_flag=True, help="Start only once there is a parameter service."),
         _option(
             ["--log-level"],
             type=click.Choice(["debug", "info", "warn", "error"]),
             default="info",
             help="Log this level and above.",
         ),
-        _option(["--rate"], type=click.FloatRange(1, 200), default=100.0, help="Most steps per second in lockstep."),
-        _option(["--frame-prefix"], default="", help="What the frames of its robot begin with, as tb3_0/."),
+        _option(["--rate"], type=click.FloatRange(1, 200), default=100.0, help="Maximum steps per second in lockstep."),
+        _option(["--frame-prefix"], default="", help="Prefix of its robot's frames, e.g. tb3_0/."),
         _option(["--wall-time"], is_flag=True, help="Follow the wall clock; no simulation is needed."),
         _option(["--seed"], type=click.IntRange(0), default=0, help="Seed of its random numbers in lockstep."),
-        _option(["--explain"], is_flag=True, help="Show what a turn of lockstep may spend, and end."),
+        _option(["--explain"], is_flag=True, help="Show the budget of a turn in lockstep, and exit."),
         click.Argument(["file"], required=False, type=click.Path()),
         click.Argument(["args"], nargs=-1, type=click.UNPROCESSED),
     ],

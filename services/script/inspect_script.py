@@ -1,6 +1,6 @@
 """Tells from the text of a Python file whether it is a ROS program, of which ROS, and the name of its node.
 
-Nothing of the file is executed. Python 2 is no obstacle: what does not parse is searched line by line.
+Nothing of the file is executed. Python 2 is not an obstacle: what does not parse is searched line by line.
 """
 
 from __future__ import annotations

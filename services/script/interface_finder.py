@@ -1,4 +1,4 @@
-"""Imports of message packages: ``std_msgs.msg``, ``my_pkg.srv``, ``my_pkg.cfg.TutorialsConfig``, made of definitions.
+"""Imports of message packages: ``std_msgs.msg``, ``my_pkg.srv``, ``my_pkg.cfg.TutorialsConfig``, from definitions.
 
 The finder stands before Python's own for these submodules, whatever ``<pkg>`` itself is: the package's own modules in
 ``src/<pkg>``, a library of ours, or, if there is neither, an empty package that the finder makes.
@@ -30,11 +30,11 @@ Packages = Callable[[str], Path | None]
 class InterfaceModule(ModuleType):
     """A module whose classes are made when they are first asked for."""
 
-    def __init__(self, name: str, names: Iterable[str], make: Callable[[str], Any], where: str) -> None:
+    def __init__(self, name: str, names: Iterable[str], make: Callable[[str], Any]) -> None:
         super().__init__(name)
         self.__all__ = sorted(names)
         self.__path__: list[str] = []
-        self._make, self._where = make, where
+        self._make = make
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name not in self.__all__:
@@ -80,7 +80,7 @@ class InterfaceFinder(MetaPathFinder):
             single = own.removeprefix("_")
             parts = [single + part for part in ("", *SERVICE_PARTS)] if kind == "srv" else [single]
             names = [name for name in names if name in parts]
-        return lambda name: InterfaceModule(name, names, lambda each: self._class(package, kind, each), package)
+        return lambda name: InterfaceModule(name, names, lambda each: self._class(package, kind, each))
 
     def _type_names(self, package: str, kind: str) -> list[str]:
         if kind == "srv":
@@ -104,7 +104,7 @@ class InterfaceFinder(MetaPathFinder):
         if folder is None or not any((folder / "cfg").glob("*.cfg")):
             return None
         if own is None:
-            return lambda name: InterfaceModule(name, (), lambda each: None, package)
+            return lambda name: InterfaceModule(name, (), lambda each: None)
         file = _cfg_file(folder / "cfg", own.removesuffix("Config")) if own.endswith("Config") else None
         return None if file is None else lambda name: _config(name, file)
 

@@ -28,9 +28,8 @@ from services.runtime.transport.api import Reply, Transport
 from services.runtime.transport.wire import member_id
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from services.script.api import GraphEntry, Origin, Parameters, ScriptStopped, TimeMovedBackwards
-from services.script.budget import CALL
+from services.script.budget import CALL, GazeboCalls
 from services.script.clock import ScriptClock
-from services.script.gazebo_calls import GazeboCalls
 from services.script.lockstep_network import SCRIPT, LockstepNetwork
 from services.script.network import Network
 from services.script.node_loop import LockstepLoop, NodeLoop, RealTimeLoop
@@ -91,7 +90,7 @@ class ScriptKernel:
         self.lock_node: AbstractContextManager[Any] = threading.RLock()
         """Held while the node is used: by its own thread, and by those that declare or publish."""
         self.clock = ScriptClock(self.simulated, interpolated=not self.lockstep)
-        self.turns: TurnThreads | None = TurnThreads(self.clock, self._say) if self.lockstep else None
+        self.turns: TurnThreads | None = TurnThreads(self.clock, self._warn) if self.lockstep else None
         self.threads: Threads = self.turns or FreeThreads(self.clock)
         self.parameters: Parameters = SharedParameters(self, self._writer, self.options.awaits_parameters)
         self.readers: dict[str, TopicReader] = {}
@@ -156,7 +155,7 @@ class ScriptKernel:
             if self.node is not None and self._early:
                 self._early = False
                 if node != self.node.identity.node:
-                    self._say(f"this process is {self.node.identity.node} in its fleet, the script says {node}")
+                    self._warn(f"this process is {self.node.identity.node} in its fleet, the script says {node}")
                 return
             if self.node is not None:
                 raise BadInput(f"this process is the node {self.node.identity.node} already")
@@ -439,7 +438,7 @@ class ScriptKernel:
             self._linked = linked
             self.threads.wake()
             for follower in self.followers.values():
-                follower.worker.nudge()
+                follower.worker.notify()
 
     def publish(self, publisher: Publisher[Any], payload: bytes) -> None:
         """Send a payload on one of the script's publications."""
@@ -521,14 +520,14 @@ class ScriptKernel:
         return self.node.identity.node if self.node is not None else f"/_script_{self.transport.session[:12]}"
 
     def _excuse(self, reason: str) -> None:
-        """Say in the log and in the report that the run need not repeat; it is no fault."""
-        self._say(reason)
+        """Say in the log and in the report that the run need not repeat; it is not a fault."""
+        self._warn(reason)
         if self.node is not None:
             stated = Check(name="reads_input", value=1.0, min=0.0, max=1.0, reason=reason)
             with self.lock_node:
                 self.node.advertise(CHECKS).publish(Checks(node=self.node.identity.node, checks=(stated,)))
 
-    def _say(self, text: str) -> None:
+    def _warn(self, text: str) -> None:
         if self.node is not None:
             self.node.log.warn(text)
 
@@ -572,4 +571,4 @@ class ScriptKernel:
         for name, (ros_type, node) in self.network.other_types(own).items():
             if name not in self._warned:
                 self._warned.add(name)
-                self._say(f"{name} is {own[name]} here and {ros_type} for {node}: they do not understand each other")
+                self._warn(f"{name} is {own[name]} here and {ros_type} for {node}: they do not understand each other")

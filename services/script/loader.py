@@ -22,7 +22,7 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from services.runtime.process import ROOT
-from services.script import windows
+from services.script import opencv_windows
 from services.script.budget import WHILE_PASSES
 from services.script.missing_modules import MODERN, explain_missing
 from services.script.source import DIVIDE, PASS, compile_script, divide
@@ -76,7 +76,7 @@ class ScriptLoader:
     def _take_windows(self, cv2: ModuleType) -> None:
         if not self._windows_taken:
             self._windows_taken = True
-            windows.adapt(cv2, self._modules.get("time", time).sleep)
+            opencv_windows.adapt(cv2, self._modules.get("time", time).sleep)
 
     def _import(self, name: str, scope: Any = None, inner: Any = None, fromlist: Any = (), level: int = 0) -> Any:
         if level == 0:
@@ -219,7 +219,7 @@ def pin_randomness(seed: int, node: str) -> Callable[[str], None]:
 
 
 class Keyboard(io.TextIOBase):
-    """Standard input of a script in lockstep: whoever reads it gives the baton away meanwhile."""
+    """Standard input of a script in lockstep: a thread that reads it hands over the turn meanwhile."""
 
     def __init__(self, stream: Any, outside: Callable[[str], Any]) -> None:
         self._stream, self._outside = stream, outside

@@ -30,8 +30,8 @@ ENDS: Topic[Any] = Topic(
 )
 SCRIPT = "script"
 """The kind of node, as its token states it."""
-TELLING = (SCRIPT, "turtlesim")
-"""The kinds of nodes that tell what they have; their tokens do not count."""
+ANNOUNCING = (SCRIPT, "turtlesim")
+"""The kinds of nodes that announce what they have; their tokens do not count."""
 
 
 class End(msgspec.Struct, frozen=True):
@@ -59,28 +59,27 @@ class LockstepNetwork(Network):
 
     def __init__(self, transport: Transport) -> None:
         super().__init__(transport)
-        self._own_session = transport.session
         self._scripts: dict[str, ScriptEnds] = {}
         self._frozen: list[Entity] = []
-        self._tellers: set[str] = set()
+        self._announced: set[str] = set()
         self._seen = -1
         self.begun = False
         """Whether there was a tick; before, the tokens count as they arrive."""
 
-    def take(self, payload: bytes) -> bool:
-        """Another script says what it has; whether it can be read."""
+    def receive(self, payload: bytes) -> bool:
+        """Read the announcement of another script; returns whether it could be read."""
         try:
-            told = _decode(payload)
-            for each in told.ends:
+            script = _decode(payload)
+            for each in script.ends:
                 if each.kind == "pub":
-                    publisher = publisher_id(told.node, told.session, key_of(each.name))
-                    self._origins[publisher] = Origin(told.node, each.latched)
+                    publisher = publisher_id(script.node, script.session, key_of(each.name))
+                    self._origins[publisher] = Origin(script.node, each.latched)
         except DECODE_ERRORS:
             return False
-        if told.ends:
-            self._scripts[told.session] = told
+        if script.ends:
+            self._scripts[script.session] = script
         else:
-            self._scripts.pop(told.session, None)
+            self._scripts.pop(script.session, None)
         return True
 
     def freeze(self) -> None:
@@ -90,16 +89,16 @@ class LockstepNetwork(Network):
         self._seen = self.version
         with self._lock:
             entities = list(self._entities.values())
-        scripts = {each.session for each in entities if each.kind == "node" and each.name in TELLING}
-        # What a script tells may come before its token does; its going counts once the token was here.
-        gone = self._tellers - scripts
-        self._tellers = scripts
+        scripts = {each.session for each in entities if each.kind == "node" and each.name in ANNOUNCING}
+        # An announcement may come before the token of its script; its going counts once the token was here.
+        gone = self._announced - scripts
+        self._announced = scripts
         self._scripts = {each: ends for each, ends in self._scripts.items() if each not in gone}
         self._frozen = [each for each in entities if each.session not in scripts]
 
-    def told(self, session_of: str) -> bool:
-        """Whether a session is that of a script which steps as this one does."""
-        return session_of in self._scripts
+    def has_announced(self, session: str) -> bool:
+        """Whether a session is that of a script that steps with this one."""
+        return session in self._scripts
 
     def ends(self, kind: str, name: str) -> list[str]:
         return sorted({each.node for each in self._all() if each.kind == kind and each.name == name})
@@ -122,12 +121,12 @@ class LockstepNetwork(Network):
         if not self.begun:
             self.freeze()
         found = list(self._frozen)
-        for told in self._scripts.values():
-            found.append(Entity(told.session, "node", told.node, SCRIPT))
-            found += [Entity(told.session, each.kind, told.node, each.name, each.type) for each in told.ends]  # type: ignore[arg-type]
+        for script in self._scripts.values():
+            found.append(Entity(script.session, "node", script.node, SCRIPT))
+            found += [Entity(script.session, each.kind, script.node, each.name, each.type) for each in script.ends]  # type: ignore[arg-type]
         return found
 
 
-def tell(node: str, session: str, ends: tuple[End, ...]) -> bytes:
-    """The payload that says what a script has."""
+def encode_announcement(node: str, session: str, ends: tuple[End, ...]) -> bytes:
+    """The payload that announces what a script publishes, reads and serves."""
     return encode(ScriptEnds(node, session, ends))

@@ -346,7 +346,7 @@ def _numbers_decoding(field: Field, length: int | None) -> Callable[[Any], Any]:
             raise WrongPayload(f"{field.name}: it is not an array")
         dtype, raw_size, flat = found
         if code not in "fd" and dtype.lstrip("<>|=")[0] == "f":
-            raise WrongPayload(f"{field.name}: an array of {dtype} is no {field.full_type}")
+            raise WrongPayload(f"{field.name}: an array of {dtype} cannot be read as {field.full_type}")
         if dtype == wanted:
             if len(heads) > 64:
                 heads.clear()

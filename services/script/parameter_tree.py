@@ -81,7 +81,7 @@ class SharedParameters:
             return self._tree.get(key)
 
     def set(self, key: str, value: Any) -> None:
-        """Set a value or, with a dict, a whole branch; raises BadInput for what is no parameter."""
+        """Set a value or, with a dict, a whole branch; raises BadInput for what is not a parameter."""
         checked = checked_value(key, value)
         if not key.strip("/") and not isinstance(checked, dict):
             raise BadInput("/: the root of the tree takes a map of names to values alone")

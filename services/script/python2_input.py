@@ -53,7 +53,7 @@ def _answers(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
 
 
 def _use(node: ast.AST, name: str) -> str:
-    """What a use of a name takes it for: "number", "text", or "" for neither."""
+    """The type that a use of a name implies: "number", "text", or "" for neither."""
     match node:
         case ast.Call(func=ast.Attribute(value=value)) if _is(value, name):
             return "text"

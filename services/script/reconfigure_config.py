@@ -95,7 +95,7 @@ class ParameterGroup:
     ) -> None:
         """Describe a parameter."""
         if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is no name of a parameter: a letter, then letters, digits and underscores")
+            raise ValueError(f"{name!r} is not a valid parameter name: a letter, then letters, digits and underscores")
         if paramtype not in _PYTHON_TYPES:
             raise TypeError(f"{name} has the type {paramtype!r}, expected str_t, bool_t, int_t or double_t")
         if paramtype in (STR, BOOL) and (min is not None or max is not None):

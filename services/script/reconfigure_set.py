@@ -243,7 +243,7 @@ def _run_names(news: ParameterValues) -> set[str]:
 
 
 def _bound(value: float) -> float | None:
-    """A number that a message carries; None for infinity, which is no bound."""
+    """A number that a message carries; None for infinity, which is not a bound."""
     return value if math.isfinite(value) and abs(value) <= LARGEST else None
 
 

@@ -9,7 +9,7 @@ from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate
 
 
 def rigid(translation: Sequence[float], rotation: Sequence[float]) -> Pose3:
-    """The transform (x, y, z), (x, y, z, w); a quaternion of length 0, of a message not filled, is no rotation."""
+    """The transform (x, y, z), (x, y, z, w); a quaternion of length 0, of a message not filled, is not a rotation."""
     x, y, z, w = (float(each) for each in rotation)
     length = math.sqrt(x * x + y * y + z * z + w * w)
     turn = (x / length, y / length, z / length, w / length) if length > 0 else IDENTITY.orientation

@@ -9,7 +9,7 @@ SHARED = frozenset(["map", "world", "earth"])
 
 
 class RobotFrames:
-    """Gives short names of frames the prefix of a robot, as ROS's ``tf_prefix``; none at all without a prefix."""
+    """Gives short names of frames the prefix of a robot, as ROS's ``tf_prefix``; without a prefix, changes none."""
 
     def __init__(self, prefix: str = "") -> None:
         self._prefix = f"{prefix.strip('/')}/" if prefix.strip("/") else ""

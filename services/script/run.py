@@ -26,14 +26,13 @@ from services.runtime.transport.api import Transport
 from services.runtime.transport.unix_sockets import is_listening
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration, default_router, endpoint
-from services.script.api import ScriptStopped
+from services.script.api import ScriptStopped, set_kernel
 from services.script.interface_finder import install
 from services.script.kernel import KernelOptions, ScriptKernel
 from services.script.loader import SITE_PACKAGES, Keyboard, ScriptLoader, loop_pass, pin_randomness, python2_builtins
-from services.script.process import set_kernel
+from services.script.lockstep_threading import queue_module, thread_module, threading_module
 from services.script.script_time import ScriptTime, datetime_module, time_module
 from services.script.source import PASS
-from services.script.turn_threading import queue_module, thread_module, threading_module
 from services.script.turns import place_of
 from services.script.workspace import Workspace, workspace_of
 
@@ -49,7 +48,7 @@ message: with Python's 5 ms, a script that imports its libraries kept it from ac
 HOOKS_S = 5.0
 """Wall time [s] that the hooks of the shutdown may take at a signal; what they wait for is then ended."""
 STILL_S = 1.5
-"""Wall time [s] without a change of time after which hooks wait for it in vain: the simulation may have gone first."""
+"""Wall time [s] without a change of time after which hooks stop waiting for it: the simulation may have ended first."""
 _LATE_LOOKS = 4
 """Looks or waits after which a script that was asked to end is taken to go on with its loop."""
 _INTERRUPTS = 3

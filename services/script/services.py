@@ -15,7 +15,7 @@ from services.script.api import ServiceRefused, ServiceUnavailable
 from services.script.threads import Threads, Worker
 
 FOREVER_S = 86400.0
-"""Wall time [s] that a call waits without a timeout of its own; one of ROS waits for ever."""
+"""Wall time [s] that a call waits without a timeout of its own; ROS's waits indefinitely."""
 
 _read_refusal = decoder(Refusal)
 
@@ -52,7 +52,7 @@ class ServiceServer:
     def put(self, payload: bytes, reply: Callable[[bytes], None], refuse: Callable[[bytes], None]) -> None:
         """Queue one request and what answers it."""
         self._requests.append((payload, reply, refuse))
-        self.worker.nudge()
+        self.worker.notify()
 
     def close(self) -> None:
         self._owner.close_server(self)

@@ -43,7 +43,7 @@ def parse_script(path: Path) -> tuple[ast.Module, bool]:
                 return _converted(source, path, None), True
             if python2.looks_like_python2(source):
                 return _converted(source, path, None), True
-            _say(path, "tabs mixed with spaces are taken as 8 columns")
+            _note(path, "tabs mixed with spaces are taken as 8 columns")
             return tree, False
         except SyntaxError as error:
             return _converted(source, path, error), True
@@ -69,7 +69,7 @@ def _converted(source: str, path: Path, error: SyntaxError | None) -> ast.Module
         raise _later(error, SyntaxError(str(other)), path) from None
     _EarlyGlobals().visit(tree)
     ast.fix_missing_locations(tree)
-    _say(path, "is Python 2: converted as it is loaded, the file stays as it is")
+    _note(path, "is Python 2: converted as it is loaded, the file stays as it is")
     return tree
 
 
@@ -112,7 +112,7 @@ def _later(error: SyntaxError | None, other: SyntaxError, path: Path) -> SyntaxE
     return found
 
 
-def _say(path: Path, text: str) -> None:
+def _note(path: Path, text: str) -> None:
     sys.stderr.write(f"{path.name}: {text}\n")
 
 

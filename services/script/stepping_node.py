@@ -14,7 +14,7 @@ from services.runtime.transport.api import TIMEOUT, Reply
 from services.script.api import Origin, ScriptStopped
 from services.script.clock import ScriptClock
 from services.script.lockstep_calls import LockstepCalls
-from services.script.lockstep_network import ENDS, SCRIPT, End, LockstepNetwork, tell
+from services.script.lockstep_network import ENDS, SCRIPT, End, LockstepNetwork, encode_announcement
 from services.script.network import Network
 from services.script.services import ServiceServer
 from services.script.topics import ForeignSubscriber, SubscriberFollower, TopicOutput, TopicReader
@@ -74,7 +74,7 @@ class SteppingNode:
         self._kernel, self._node, self._network = kernel, node, network
         self._ends = ForeignSubscriber(ENDS, node.transport)
         node.attach(self._ends)
-        self._told = node.advertise(ENDS)
+        self._announcements = node.advertise(ENDS)
         self._last: tuple[End, ...] | None = None
         self._early: list[tuple[Publisher[Any], bytes]] = []
         self._own: list[tuple[Publisher[Any], bytes]] = []
@@ -114,12 +114,12 @@ class SteppingNode:
     def admit(self, reset: bool) -> None:
         """Hand the messages, calls and changes of this tick to the threads that they are for."""
         for payload, _ in self._ends.messages:
-            self._network.take(payload)
+            self._network.receive(payload)
         self._ends.messages = []
         self._network.freeze()
         own, self._own = self._own, []
         for reader in self._kernel.readers.values():
-            reader.take(reset)
+            reader.admit(reset)
             if reader not in self._readers:
                 self._readers.add(reader)
                 latched = self._own_latched.get(reader.name)
@@ -130,10 +130,10 @@ class SteppingNode:
                 own_reader.put(payload, origin, publisher.publisher)
         for reader in self._kernel.readers.values():
             if reader.queue:
-                reader.worker.nudge()
+                reader.worker.notify()
         self.calls.admit()
         for follower in self._kernel.followers.values():
-            follower.worker.nudge()
+            follower.worker.notify()
         self.send_early()
 
     def idle_until(self) -> int:
@@ -152,7 +152,9 @@ class SteppingNode:
         told = () if final else tuple(dict.fromkeys([*ends, End("node", self._node.identity.node, SCRIPT)]))
         if told != self._last:
             self._last = told
-            self._told.publish_encoded(tell(self._node.identity.node, self._node.transport.session, told))
+            self._announcements.publish_encoded(
+                encode_announcement(self._node.identity.node, self._node.transport.session, told)
+            )
 
     def call(self, name: str, payload: bytes, timeout: float | None) -> list[Reply] | None:
         """Call a service of this script or of another; None for one of a node that answers within the tick."""
@@ -160,7 +162,7 @@ class SteppingNode:
         if own is not None:
             return self._call_own(own, payload, timeout)
         server = self._network.server(name)
-        if server is None or not self._network.told(server.session):
+        if server is None or not self._network.has_announced(server.session):
             return None
         with self.lock_node:
             number = self.calls.ask(name, payload)

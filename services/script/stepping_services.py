@@ -20,7 +20,7 @@ from services.runtime.context import Context
 from services.runtime.errors import EleaError
 from services.runtime.requests import DeferredReply
 from services.script.lockstep_calls import CallReply, call_topic, read_request
-from services.script.lockstep_network import ENDS, End, tell
+from services.script.lockstep_network import ENDS, End, encode_announcement
 from services.script.topics import ForeignSubscriber
 
 Q = TypeVar("Q", bound=Message)
@@ -38,7 +38,7 @@ class SteppingServices:
         self._served: dict[str, tuple[str, ForeignSubscriber, Callable[[bytes], bytes]]] = {}
         self._hidden: set[str] = set()
         """Services that there are not at present: those of a turtle that is gone."""
-        self._told: tuple[End, ...] | None = None
+        self._announced: tuple[End, ...] | None = None
         self._held: deque[tuple[float, Callable[[], None]]] = deque()
         """In real time, since when requests wait [s], and what answers them."""
 
@@ -75,7 +75,7 @@ class SteppingServices:
         for name, (_, requests, answer) in list(self._served.items()):
             for payload, _ in requests.messages:
                 self._answer(name, requests, answer, payload)
-        self._tell()
+        self._announce()
 
     def answer_late(self) -> None:
         """Answer what has waited for a tick for long; between ticks."""
@@ -99,13 +99,13 @@ class SteppingServices:
             reply = CallReply(asked.caller, asked.number, False, encode(Refusal(reason=str(error))))
         self._node.advertise(call_topic(name, "reply")).publish_encoded(encode(reply))
 
-    def _tell(self) -> None:
+    def _announce(self) -> None:
         """Tell the scripts what this node publishes, reads and serves, if that has changed."""
         node = self._node
         ends = [End("pub", each.name, each.topic.record.ROS_TYPE) for each in node.publishers]
         ends += [End("sub", each.name, each.topic.record.ROS_TYPE) for each in node.subscribers]
         ends += [End("srv", name, kind) for name, (kind, *_) in self._served.items() if name not in self._hidden]
         told = tuple(each for each in ends if "/_" not in each.name)
-        if told != self._told:
-            self._told = told
-            node.advertise(ENDS).publish_encoded(tell(node.identity.node, node.transport.session, told))
+        if told != self._announced:
+            self._announced = told
+            node.advertise(ENDS).publish_encoded(encode_announcement(node.identity.node, node.transport.session, told))

@@ -29,7 +29,7 @@ _LONGEST_WAIT_S = 0.1
 class Worker(Protocol):
     """A thread that does the work of one topic, service or timer as it comes."""
 
-    def nudge(self) -> None:
+    def notify(self) -> None:
         """There may be work; from any thread."""
         ...
 
@@ -74,12 +74,26 @@ class Threads(Protocol):
         ...
 
     def worker(self, name: str, work: Callable[[], bool]) -> Worker:
-        """A thread that calls ``work`` after each nudge until it returns False: there is nothing left to do."""
+        """A thread that calls ``work`` after each notify until it returns False: there is nothing left to do."""
         ...
 
     def stop(self) -> None:
         """End all waits: the process was asked to end, and its hooks have run."""
         ...
+
+
+def thread_body(target: Callable[[], None], name: str) -> Callable[[], None]:
+    """``target`` as the body of a thread of the script: what it raises is reported and ends this thread alone."""
+
+    def run() -> None:
+        try:
+            target()
+        except ScriptStopped:
+            pass
+        except Exception:  # noqa: BLE001 - whatever the script raises ends this thread alone
+            report_exception(f"thread {name}")
+
+    return run
 
 
 def report_exception(where: str) -> None:
@@ -148,15 +162,7 @@ class FreeThreads:
         self._spent.points, self._spent.published, self._spent.began = 0.0, 0, time.thread_time()
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
-        def run() -> None:
-            try:
-                target()
-            except ScriptStopped:
-                pass
-            except Exception:  # noqa: BLE001 - whatever the script raises ends this thread alone
-                report_exception(f"thread {name}")
-
-        thread = threading.Thread(target=run, name=name, daemon=True)
+        thread = threading.Thread(target=thread_body(target, name), name=name, daemon=True)
         thread.start()
         return thread
 
@@ -177,7 +183,7 @@ class FreeWorker:
     """A thread that sleeps between two nudges."""
 
     def __init__(self, name: str, work: Callable[[], bool]) -> None:
-        self._nudged = threading.Event()
+        self._notified = threading.Event()
         self._samples: ThreadedSubscriber | None = None
         self._open = True
         self._work = work
@@ -187,30 +193,30 @@ class FreeWorker:
         """Start the thread."""
         self._thread.start()
 
-    def nudge(self) -> None:
-        self._nudged.set()
+    def notify(self) -> None:
+        self._notified.set()
         if (samples := self._samples) is not None:
             samples.wake()
 
     def follow(self, samples: ThreadedSubscriber) -> None:
         self._samples = samples
-        self._nudged.set()
+        self._notified.set()
 
     def close(self) -> None:
         self._open = False
-        self.nudge()
+        self.notify()
 
     def _run(self) -> None:
         while self._open and self._wait():
-            self._nudged.clear()
+            self._notified.clear()
             while self._open and self._work():
                 pass
 
     def _wait(self) -> bool:
-        """Wait for a nudge or a sample; False when no sample will come any more."""
-        if self._nudged.is_set():
+        """Wait for a notify or a sample; False when no sample will come any more."""
+        if self._notified.is_set():
             return True
-        return self._samples.wait() if self._samples is not None else self._nudged.wait()
+        return self._samples.wait() if self._samples is not None else self._notified.wait()
 
 
 class _Spent(threading.local):

@@ -185,7 +185,7 @@ class TopicReader:
         node.attach(self.subscriber)
         if live:
             self.worker.follow(self.subscriber.raw)  # type: ignore[arg-type]
-        self.worker.nudge()
+        self.worker.notify()
 
     def add(self, given: TopicInput) -> None:
         """One more receiver; it gets the last messages of latched publishers at once."""
@@ -194,13 +194,13 @@ class TopicReader:
             known = origin if origin.node else self._sources.origin(publisher)
             if known.latched:
                 self.queue.append((payload, known, given))
-        self.worker.nudge()
+        self.worker.notify()
 
     def remove(self, given: TopicInput) -> None:
         """One receiver less."""
         self.inputs = [each for each in self.inputs if each is not given]
 
-    def take(self, reset: bool = False) -> None:
+    def admit(self, reset: bool = False) -> None:
         """Queue what the subscription has, after its update; after a ``reset`` of time, latched messages alone.
 
         In lockstep, own samples have gone a shorter way.
@@ -244,7 +244,7 @@ class TopicReader:
         """Call the receivers with the oldest message; False when none waits."""
         if self._live and (subscriber := self.subscriber) is not None:
             subscriber.update()
-            self.take()
+            self.admit()
         if not self.queue:
             return False
         payload, origin, only = self.queue.popleft()

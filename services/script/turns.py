@@ -22,7 +22,7 @@ from services.runtime.transport.api import ThreadedSubscriber
 from services.script.api import ScriptStopped, TimeMovedBackwards
 from services.script.budget import BUDGET
 from services.script.clock import ScriptClock
-from services.script.threads import FreeThreads, Worker, report_exception
+from services.script.threads import FreeThreads, Worker, thread_body
 
 LOOK_S = 0.2
 """Wall time [s] after which the node is served while a turn lasts."""
@@ -57,7 +57,7 @@ class _Thread:
     go: Any = field(default_factory=threading.Lock)
     ident: int | None = None
     points: float = 0.0
-    nudged: bool = False
+    notified: bool = False
     waits: list[_Wait] = field(default_factory=list)
     passed: int = -1
     ended: bool = False
@@ -90,7 +90,7 @@ class TurnThreads:
 
     def sleep_until(self, time_ns: int) -> None:
         if (me := self._me()) is None:
-            self._note_stranger()
+            self._note_unknown_thread()
             return self._free.sleep_until(time_ns)
         clock, epoch = self._clock, self._clock.epoch
         if clock.started and clock.now() >= time_ns:
@@ -108,7 +108,7 @@ class TurnThreads:
         if (me := self._me()) is None:
             if self._is_node():
                 raise RuntimeError("a condition that is waited for may not wait itself")
-            self._note_stranger()
+            self._note_unknown_thread()
             return self._free.wait_until(ready, timeout)
         self.point(1.0)
         if ready():
@@ -132,15 +132,7 @@ class TurnThreads:
         return None
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
-        def run() -> None:
-            try:
-                target()
-            except ScriptStopped:
-                pass
-            except Exception:  # noqa: BLE001 - whatever the script raises ends this thread alone
-                report_exception(f"thread {name}")
-
-        thread = _Spawned(self, run, name)
+        thread = _Spawned(self, thread_body(target, name), name)
         thread.start()
         return thread
 
@@ -243,7 +235,7 @@ class TurnThreads:
         """The time [ns] before which no thread takes a turn unless a message comes; 0 if one may at any tick."""
         until = NEVER_NS
         for each in self._threads:
-            if not each.waits or each.nudged:
+            if not each.waits or each.notified:
                 return 0
             wait = each.waits[-1]
             if wait.kind not in ("idle", "sleep") and not wait.by_messages:
@@ -276,8 +268,8 @@ class TurnThreads:
 
     def _is_due(self, wait: _Wait, thread: _Thread, first: bool) -> bool:
         if wait.kind == "idle":
-            nudged, thread.nudged = thread.nudged, False
-            return nudged
+            notified, thread.notified = thread.notified, False
+            return notified
         if wait.kind in ("start", "returned"):
             return True
         if wait.kind == "budget":
@@ -336,7 +328,7 @@ class TurnThreads:
         self._threads = [*self._threads, made]
         return made
 
-    def _note_stranger(self) -> None:
+    def _note_unknown_thread(self) -> None:
         if not self._strangers:
             self._strangers = True
             self._warn(f"{threading.current_thread().name} takes no turns, so this run need not repeat")
@@ -368,21 +360,21 @@ class _Spawned(threading.Thread):
 
 
 class TurnWorker:
-    """A worker that takes its turn at the tick at which it was nudged."""
+    """A worker that takes its turn at the tick at which it was notified."""
 
     def __init__(self, thread: _Thread) -> None:
         self.thread = thread
         self.open = True
 
-    def nudge(self) -> None:
-        self.thread.nudged = True
+    def notify(self) -> None:
+        self.thread.notified = True
 
     def follow(self, samples: ThreadedSubscriber) -> None:
         raise NotImplementedError("in lockstep samples are handed over at ticks")
 
     def close(self) -> None:
         self.open = False
-        self.thread.nudged = True
+        self.thread.notified = True
 
 
 class TurnLock:

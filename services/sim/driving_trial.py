@@ -77,7 +77,7 @@ class DrivenRobot:
 
     @property
     def velocity(self) -> tuple[float, float, float]:
-        """What it is told after all limits: forwards and sideways [m/s], turning [rad/s]."""
+        """The command after all limits: forwards and sideways [m/s], turning [rad/s]."""
         if self.drive.holonomic:
             return self.state.v, self.state.vy, self.state.w
         v, w = commanded_velocity(self.drive, self.state)

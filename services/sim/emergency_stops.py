@@ -22,14 +22,14 @@ ALL_ROBOTS = ""
 """In place of a robot's name: the stop of all robots, also of those that are spawned later."""
 
 FOREIGN_ID, FOREIGN = "foreign", "(foreign)"
-"""Who publishes without an attachment: all such programs are one holder, as nothing tells them apart."""
+"""The holder for publishers without an attachment: nothing distinguishes such programs, so all are one holder."""
 DAMAGED_ID, DAMAGED = "damaged", "(damaged file)"
 """Holds all robots when the file cannot be read: it may have held any stop."""
 OTHERS_ID, OTHERS = "others", "(others)"
 """One holder in place of all beyond MOST_HOLDERS."""
 
 MAX_HOLDERS = 32
-"""Of one robot that are told apart: whoever forges ids fills neither memory nor disk."""
+"""Maximum number of holders per robot, so that forged ids fill neither memory nor disk."""
 MAX_FILE_BYTES = 1 << 22
 """Bytes of the file."""
 MAX_DELETED = 1000
@@ -55,7 +55,7 @@ class EmergencyStopStore:
     Args:
         path: The file that keeps them; None for memory alone.
         name_of: The name of the node whose publisher ids begin with these bytes; empty while it is not known.
-        log: Where stops, releases and trouble with the file are told.
+        log: For stops, releases and errors of the file.
         wall: The machine's clock, ns.
         monotonic: A clock that nobody sets, s.
     """
@@ -92,7 +92,7 @@ class EmergencyStopStore:
             self._stops.setdefault(each.robot, {})[each.id] = each
         if stops:
             names = ", ".join(sorted({_robot_label(each.robot) for each in stops}))
-            self._log.warn(f"emergency stops of before the restart hold on: {names} (./elea sim stops)")
+            self._log.warn(f"emergency stops from before the restart still hold: {names} (./elea sim stops)")
 
     @property
     def all(self) -> tuple[EmergencyStop, ...]:
@@ -206,7 +206,7 @@ class EmergencyStopStore:
         return special.get(holder) or self._node_name(bytes.fromhex(holder)) or f"#{holder}"
 
     def _update_names(self) -> None:
-        """The token that tells a node's name may come after its stop."""
+        """The token with a node's name may come after its stop."""
         for robot, held in self._stops.items():
             for holder, stop in held.items():
                 if stop.holder == f"#{holder}" and (name := self._holder_name(holder)) != stop.holder:

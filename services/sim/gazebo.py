@@ -109,7 +109,7 @@ class GazeboServices:
         time: TimeServices,
     ) -> None:
         self._simulation, self._node, self._world = simulation, node, simulation.world
-        self._models, self._joints, self._properties, self._time = models, joints, properties, time
+        self._models, self._joints, self._properties = models, joints, properties
         self._serve_state(GET_MODEL_STATE, self._get_model_state, lambda asked: asked.model_name)
         self._serve(SET_MODEL_STATE, self._set_model_state)
         self._serve_state(GET_LINK_STATE, self._get_link_state, lambda asked: asked.link_name)
@@ -429,7 +429,7 @@ class GazeboServices:
                 f"max_update_rate stays {rate:g} per second: how fast time runs is the parameter factor of /sim "
                 "(./elea param set /sim factor 2)"
             )
-        return gz.SetPhysicsPropertiesResponse(success=True, status_message="the physics is so already")
+        return gz.SetPhysicsPropertiesResponse(success=True, status_message="the physics has these properties already")
 
     def _move_model(self, state: gz.ModelState) -> None:
         fixed = state.model_name in self._world.names and self._simulation.find(state.model_name).model.fixed_base

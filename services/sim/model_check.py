@@ -1,4 +1,4 @@
-"""What is understood of a robot's model, what of it looks wrong, and how it drives, for ``elea model check``."""
+"""Checks a robot's model for ``elea model check``: what is understood, what looks wrong, and how it drives."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ TILT = math.radians(10)
 DRIFT = 0.05
 """m; how far a robot may wander while it turns on the spot."""
 JOINT = 0.1
-"""Share by which a joint may miss where it is told to move."""
+"""Share by which a joint may miss its commanded position."""
 HANGS = 0.003
 """m; a wheel that is higher above the ground does not touch it."""
 SHAKE = 0.3

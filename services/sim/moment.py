@@ -34,7 +34,7 @@ class Moment:
 
     @cached_property
     def stamp(self) -> bytes:
-        """The time, as templates of messages take it."""
+        """The time in the form that message templates need."""
         return encode_stamp(self.now)
 
     def read_states(self, names: Sequence[str]) -> None:

@@ -71,7 +71,7 @@ class RobotPublishers:
         self._motors, self.joints = motors, world.body(entry.name).joints
         self._frame_prefix = robot_frame_prefix(entry)
         self.odometry_child = odometry_child(model, entry.parameters, self._frame_prefix)
-        """The frame whose place odometry tells, without the prefix."""
+        """The child frame of odometry, without the prefix."""
         self._base_frame = self.frame_id(model.base_frame)
         self.joint_state_steps = max(1, steps_of(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
         self.truth_steps = steps_of(model.odometry_rate)
@@ -347,7 +347,7 @@ class GazeboStatesPublisher:
 
 
 class _StatesEncoder:
-    """Encodes poses and velocities of named things by a template, which is made anew when the names change."""
+    """Encodes poses and velocities of named things by a template, which is rebuilt when the names change."""
 
     def __init__(self, record: type[ModelStates] | type[LinkStates]) -> None:
         self._record = record

@@ -46,7 +46,7 @@ class RobotLoader:
     Args:
         folders: The fleet file's folder, and its packages.
         hand_over: Lets the loop answer a reply between two ticks.
-        tell: Called in the loop with what of an SDF was not understood.
+        tell: Called in the loop with what was not understood of an SDF.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class RobotLoader:
         hand_over(reply, answer)
 
     def _told(self, request: SpawnModel, model: str, notes: Sequence[str]) -> str:
-        """The model; ``notes`` are told."""
+        """Log the ``notes`` and return the model."""
         if notes and self._tell is not None:
             self._tell(f"{request.name}: of its SDF: {'; '.join(notes)}")
         return model

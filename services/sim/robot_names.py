@@ -86,7 +86,7 @@ def named_model(model: RobotModel, parameters: BaseParameters, prefix: str) -> R
 
 
 def odometry_child(model: RobotModel, parameters: BaseParameters, prefix: str) -> str:
-    """The frame whose place odometry tells, without the prefix."""
+    """The child frame of odometry, without the prefix."""
     stated = parameters.base_frame_id
     return model.base_frame if stated is None else _bare(stated, prefix)
 
@@ -134,7 +134,7 @@ def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
 
 
 def _check_prefix(prefix: str) -> None:
-    """Raise BadName for a prefix with which ``odom`` is no legal name of a frame."""
+    """Raise BadName for a prefix with which ``odom`` is not a legal name of a frame."""
     if prefix[:1] in ("/", "~"):
         raise BadName(f"the frame_prefix {prefix[:255]!r} begins with {prefix[0]!r}: a frame has no leading slash")
     validate(f"{prefix}odom")

@@ -30,7 +30,7 @@ from services.sim.parameters import BaseParameters, JointParameters, RobotEntry
 
 
 class Derived(Protocol):
-    """What follows from parameters; ``warnings`` are what of it is hardly meant so."""
+    """What follows from parameters; ``warnings`` name values that are probably mistakes."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -42,7 +42,7 @@ D = TypeVar("D", bound=Derived)
 
 
 class RobotParameterSet(Generic[P, D]):
-    """``made`` is of the parameters as they stand; whoever works by it takes it anew when ``follow`` says so.
+    """``made`` follows from the current parameters; its users fetch it again when ``follow`` says so.
 
     ``given`` is what the fleet, or who spawned the robot, states; ``own`` is that completed by the model's figures,
     ``described`` has the figures alone as defaults. ``make`` raises BadInput for what contradicts itself.
@@ -101,7 +101,7 @@ class RobotParameterSet(Generic[P, D]):
 
 
 class BaseParameterSet:
-    """``settings`` follow from the parameters as they stand; whoever drives by them takes them anew after a change."""
+    """``settings`` follow from the current parameters; their users fetch them again after a change."""
 
     def __init__(self, node: Node, namespace: str, entry: RobotEntry, wait: bool) -> None:
         own = _robot_config(entry)
@@ -176,7 +176,7 @@ def _robot_config(entry: RobotEntry) -> RobotConfig:
 
 
 class JointParameterSet:
-    """``terms`` follow from the parameters as they stand; whoever acts on joints takes them anew after a change."""
+    """``terms`` follow from the current parameters; their users fetch them again after a change."""
 
     def __init__(self, node: Node, namespace: str, entry: RobotEntry, wait: bool) -> None:
         model, given = entry.model, entry.joint_parameters

@@ -43,7 +43,7 @@ from messages.requests import (
 )
 from messages.se3 import Pose3, Vector, rotate
 from messages.sensor import JointState
-from messages.simulation import DriveSettings, GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
+from messages.simulation import GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
 from messages.std import Empty, Header, Time
 from models import UnknownModel, display_name
 from models.model import read_model
@@ -156,9 +156,6 @@ class SimulationServices:
             self._simulation.publish_static_tf()
         return robot.state()
 
-    def _set_drive(self, request: DriveSettings) -> DriveSettings:
-        return self._simulation.find(request.name).actuation.set_drive(request, self._simulation.now)
-
     def _set_odometry(self, request: SetOdometry) -> Done:
         self._simulation.find(request.name).publishers.odometer.set_pose(request.x, request.y, request.yaw)
         self._simulation.publish_static_tf()
@@ -178,11 +175,11 @@ def world_body_model_state(world: World, name: str, relative_entity: str = "") -
 
 
 def pose_from_msg(pose: Pose) -> Pose3:
-    """A pose as the world takes it; raises BadInput when its quaternion has no direction."""
+    """A pose for the world; raises BadInput when its quaternion has no direction."""
     p, q = pose.position, pose.orientation
     norm = (q.x**2 + q.y**2 + q.z**2 + q.w**2) ** 0.5
     if norm < 1e-6:
-        raise BadInput("the orientation (0, 0, 0, 0) is no rotation; (0, 0, 0, 1) is the identity")
+        raise BadInput("the orientation (0, 0, 0, 0) is not a rotation; (0, 0, 0, 1) is the identity")
     return Pose3((p.x, p.y, p.z), (q.x / norm, q.y / norm, q.z / norm, q.w / norm))
 
 

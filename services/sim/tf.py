@@ -162,7 +162,7 @@ class JointTransforms:
 
 
 def _extra_frame(robot: Robot) -> str | None:
-    """The frame whose place odometry tells, where it is none of the robot's links: it lies in the root.
+    """The child frame of odometry where it is none of the robot's links: it coincides with the root.
 
     A link that is not the root has a parent already, and a frame has one: then the root is what moves in ``odom``.
     """

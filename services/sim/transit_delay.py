@@ -21,7 +21,7 @@ MAX_LOST = 4
 WINDOW_NS = 10 * SECOND
 """The baseline follows the least delay of the last one or two of these: drift of 100 ppm moves it by 2 ms meanwhile."""
 MAX_SENDERS = 1024
-"""Publishers that are remembered; the one that was silent for longest gives way."""
+"""Maximum number of publishers that are remembered; the one that was silent for longest is forgotten."""
 
 
 class TransitDelayEstimator:

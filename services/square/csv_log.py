@@ -59,7 +59,7 @@ class CsvLog:
     def __enter__(self) -> CsvLog:
         try:
             if self.path.exists() and not self.path.is_file():
-                raise BadInput(f"the log {self.path} is no file: choose another path with the parameter log")
+                raise BadInput(f"the log {self.path} is not a file: choose another path with the parameter log")
             self._file = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
             raise self._write_error(error.strerror) from None

@@ -32,7 +32,7 @@ class JointStateMerger:
     """Merges the joints of a robot. Raises BadUrdf for a zero or a dependency that its joints do not allow."""
 
     def __init__(self, description: RobotDescription, params: StateParameters) -> None:
-        self._params, self._description = params, description
+        self._params = params
         joints = [each for each in description.joints if each.single_dof]
         self._names = tuple(each.name for each in joints)
         self._dependencies = _dependencies(joints, params)
@@ -48,11 +48,6 @@ class JointStateMerger:
             if zero is not None and not reading.low <= zero <= reading.high:
                 raise BadUrdf(f"zeros: {each.name} = {zero:g} is outside {reading.low:g} to {reading.high:g}")
             self._set_defaults(reading, zero)
-
-    @property
-    def free_joints(self) -> tuple[str, ...]:
-        """The independent joints."""
-        return tuple(self._free)
 
     def add(self, state: JointState) -> None:
         """Merge a joint state; the newest value of a joint counts, unknown names are ignored."""

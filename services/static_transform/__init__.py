@@ -25,7 +25,7 @@ class StaticTransformParameters(Parameters):
         (), text="Rotation as x, y, z, w, in place of the angles.", live=False
     )
     frame_id: str = param("", text="The parent frame.", max_length=255, live=False)
-    child_frame_id: str = param("", text="The frame that is placed in it.", max_length=255, live=False)
+    child_frame_id: str = param("", text="The child frame.", max_length=255, live=False)
 
 
 SERVICE = Service(

@@ -85,7 +85,7 @@ _IFLAG, _LFLAG, _CC = 0, 3, 6
 def require_terminal(descriptor: int = STDIN) -> None:
     """Raise BadInput unless the descriptor is a terminal in the foreground."""
     if not os.isatty(descriptor):
-        raise BadInput("standard input is no terminal: start teleop in one, or give it a script with --keys 'i@0.5-2'")
+        raise BadInput("standard input is not a terminal: start teleop in one, or give it a script: --keys 'i@0.5-2'")
     # A terminal that is not this session's has no foreground.
     with contextlib.suppress(OSError):
         if os.tcgetpgrp(descriptor) != os.getpgrp():

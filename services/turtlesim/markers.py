@@ -9,8 +9,8 @@ from messages.geometry import Point, Pose, Quaternion, Vector3
 from messages.std import ColorRGBA, Header, Time
 from messages.turtlesim import Color
 from messages.visualization import Marker, MarkerArray
+from services.turtlesim.drawing import Line
 from services.turtlesim.plane import Plane
-from services.turtlesim.trails import Line
 from services.turtlesim.turtle import PIXELS_PER_METRE, PLANE_M
 
 FRAME = "world"

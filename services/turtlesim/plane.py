@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from messages.names import BadName, validate
 from messages.turtlesim import Color
 from services.runtime.errors import BadInput, unknown_name
-from services.turtlesim.canvas import Canvas
-from services.turtlesim.trails import Trails
+from services.turtlesim.drawing import Canvas, Trails
 from services.turtlesim.turtle import PLANE_M, Turtle
 
 MOST_TURTLES = 200

@@ -5,8 +5,9 @@ from __future__ import annotations
 from messages.geometry import STOP, Twist
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
-from services.driving.plan import Plan, goal_from_pose, path_message, pose_and_twist, status_message
+from services.driving.plan import PlanReporter, plan_to_pose, pose_and_twist
 from services.runtime.context import Context
+from services.runtime.errors import BadInput
 from services.waypoint import PLAN_LEVEL, WaypointParameters
 from services.waypoint.controller import WaypointController, plan_of
 
@@ -17,12 +18,11 @@ def run(ctx: Context[WaypointParameters]) -> None:
     Commands continue after the end: zero holds the robot, while silence would count as a time-out.
     """
     odom, goals = ctx.latest(ODOM), ctx.stream(GOAL_POSE)
-    commands, plans, states = ctx.advertise(CMD_VEL), ctx.advertise(PLAN), ctx.advertise(STATUS)
+    commands = ctx.advertise(CMD_VEL)
+    reporter = PlanReporter(ctx.advertise(PLAN).publish, ctx.advertise(STATUS).publish)
     frame = f"{ctx.namespace.strip('/')}/odom".lstrip("/")
     controller = WaypointController(ctx.params)
     begun = False
-    published: Plan | None = None
-    shown: tuple[str, int] | None = None
     silence = 0.0
     try:
         for tick in ctx.ticks():
@@ -30,21 +30,18 @@ def run(ctx: Context[WaypointParameters]) -> None:
                 frame = last.header.frame_id
             header = Header(stamp=Time.of(tick.time), frame_id=frame)
             if tick.reset or not begun:
-                controller, published, silence, begun = WaypointController(ctx.params), None, 0.0, True
+                controller, silence, begun = WaypointController(ctx.params), 0.0, True
+                reporter.reset()
             elif ctx.params_changed:
                 controller.reconfigure(ctx.params)
                 if ctx.params_changed & PLAN_LEVEL:
                     controller.set_plan(plan_of(ctx.params))
             for asked in goals.drain():
-                if asked.header.frame_id in ("", "world", frame):
-                    controller.set_plan(Plan((goal_from_pose(asked),)))
-                else:
-                    ctx.log.warn(
-                        f"goal refused: its frame {asked.header.frame_id!r} is neither 'world' nor {frame!r}", every=1
-                    )
-            if controller.plan is not published:
-                published, shown = controller.plan, None
-                plans.publish(path_message(controller.plan, header))
+                try:
+                    controller.set_plan(plan_to_pose(asked, frame))
+                except BadInput as error:
+                    ctx.log.warn(str(error), every=1)
+            reporter.report_plan(controller.plan, header)
 
             now = odom.fresh(ctx.params.odometry_timeout)
             silence = silence + tick.dt if now is None else 0.0
@@ -55,9 +52,7 @@ def run(ctx: Context[WaypointParameters]) -> None:
             progress = controller.hold() if now is None else controller.step(*pose_and_twist(now), tick.dt)
             if progress.command is not None:
                 commands.publish(Twist.planar(progress.command.v, progress.command.w))
-            if shown != (progress.state, progress.index):
-                shown = progress.state, progress.index
-                states.publish(status_message(progress, header))
+            if reporter.report_status(progress, header):
                 x, y = progress.goal.x, progress.goal.y
                 ctx.log.debug(f"{progress.state}, point {progress.index + 1} of {progress.count}, ({x:g}, {y:g})")
     finally:

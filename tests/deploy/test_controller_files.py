@@ -58,7 +58,7 @@ def test_mistakes_name_both_files(folder: Path) -> None:
     change = '[[change]]\nat = 1\nset = "/a/bear_controller/pid"\nvalues = { p = 1e9 }\n'
     for text, told in (
         (fleet_text("{ }"), r'f\.toml:5: a controller_manager needs parameters = \{ config = "controllers\.yaml" \}'),
-        (fleet_text('{ config = "d.yaml" }'), r"f\.toml:5: there is no controllers' file .*/d\.yaml"),
+        (fleet_text('{ config = "d.yaml" }'), r"f\.toml:5: there is no controller file .*/d\.yaml"),
         (fleet_text(model="burger"), r"f\.toml:5: .*/sub/c\.yaml:2: bear_controller: unknown joint 'bear_link'"),
         (fleet_text(wheel, "burger"), r"f\.toml:5: .*/sub/wheel\.yaml:1: turn: wheel_left_joint is a wheel, which the"),
         (fleet_text(twice), r"f\.toml:5: unknown controller 'bear_controler'; did you mean 'bear_controller'"),

@@ -135,7 +135,7 @@ def test_wrong_value(old: str, new: str, place: int, what: str) -> None:
         ('kind = "logger"\n', 'kind = "sim"\nname = "world"\n', 25, "cannot be renamed"),
         ('mode = "real"', 'ends = "duration"', 3, "needs a duration"),
         ("factor = 2", "factor = ", 4, "not TOML"),
-        ("parameters = { cmd_vel_timeout = 0.5 }", 'reference = { topic = "wanted" }', 12, "is no arm"),
+        ("parameters = { cmd_vel_timeout = 0.5 }", 'reference = { topic = "wanted" }', 12, "is not an arm"),
     ],
 )
 def test_contradiction(old: str, new: str, place: int, what: str) -> None:

@@ -71,8 +71,8 @@ def test_what_cannot_be_set_is_told_with_the_assignment() -> None:
         "run=3": "run is a table",
         "a=burger": "say which of its keys, as a.model=…",
         "a.services.kind=x": "services is a list",
-        "model": "is no assignment: write KEY=VALUE",
-        "a..x=3": "is no assignment",
+        "model": "is not an assignment: write KEY=VALUE",
+        "a..x=3": "is not an assignment",
     }.items():
         with pytest.raises(BadInput) as caught:
             parsed(text)

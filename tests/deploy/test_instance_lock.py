@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import socket
 import subprocess
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from deploy.instance_lock import instance_lock
+from deploy.instance_lock import check_parameter_file_unused, instance_lock
 from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.process import ROOT
@@ -120,3 +121,22 @@ def test_damaged_entry_is_no_fleet(port: int) -> None:
         for damaged in (b"{", b'{"fleet": "\xe5"}'):
             (instances_folder() / f"{port}.json").write_bytes(damaged)
             assert running_fleets() == ()
+
+
+def test_one_that_is_free_or_not_there_yet_is_taken(tmp_path: Path) -> None:
+    check_parameter_file_unused(tmp_path / "new.db")
+    (tmp_path / "old.db").touch()
+    check_parameter_file_unused(tmp_path / "old.db")
+
+
+@pytest.mark.slow
+def test_one_that_another_parameter_service_holds_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "held.db"
+    descriptor = os.open(file, os.O_RDWR | os.O_CREAT)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        with pytest.raises(BadInput, match=r"another parameter service uses .*held\.db.*--params FILE, or --no-saved"):
+            check_parameter_file_unused(file)
+    finally:
+        os.close(descriptor)
+    check_parameter_file_unused(file)

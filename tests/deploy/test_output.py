@@ -1,4 +1,4 @@
-"""Where a run's words and files go: full and hanging disks, closed pipes, folders in which others plant links."""
+"""Where a run's words and files go: full and hanging disks, closed pipes, planted links, control characters."""
 
 from __future__ import annotations
 
@@ -13,12 +13,16 @@ from pathlib import Path
 import pytest
 
 from deploy.detach import start_detached
+from deploy.live.output import printable, write_text
 from deploy.run_folder import MIN_FREE_BYTES, make_run_folder
 from deploy.supervisor.log_file import MAX_QUEUED_CHUNKS, MAX_SHOWN_LINES, start_log_writer
 from services.grader.results import write_atomic
 from services.runtime.errors import BadInput
+from services.runtime.graph import Entity
 from tests.deploy.test_run import FleetCommandLine
 from tests.harness.waiting import wait_until
+
+ESCAPES = ("\x1b]52;c;cm0gLXJm\x07", "\x1b[2J", "\x9b2J", "\u202eevil", "\x00", "\x7f", "\u2028")
 
 
 def test_closed_pipe_ends_no_run_and_does_not_change_its_status(tmp_path: Path) -> None:
@@ -134,3 +138,22 @@ def test_lines_of_a_process_are_shown_whole_and_not_without_end(tmp_path: Path) 
     assert len(shown) <= 2 * MAX_SHOWN_LINES
     assert shown[-1] == "(10 lines more in the log)"
     assert (tmp_path / "a.log").read_bytes().count(b"many") == MAX_SHOWN_LINES + 9
+
+
+def test_a_token_with_a_control_character_is_none() -> None:
+    good = Entity("1f", "pub", "/a", "/b", "pkg/Type", "SENSOR")
+    assert Entity.parse(good.key) == good
+    for text in ESCAPES:
+        for kind, first in (("pub", 3), ("node", 4)):
+            chunks = good.key.replace("pub", kind).split("/")
+            for at in range(first, len(chunks)):
+                assert Entity.parse("/".join([*chunks[:at], chunks[at] + text, *chunks[at + 1 :]])) is None
+
+
+def test_what_is_printed_shows_control_characters(capsys: pytest.CaptureFixture[str]) -> None:
+    for text in ESCAPES:
+        write_text(f"name {text}\ta\u00e4\u4e2d\n")
+        out = capsys.readouterr().out
+        assert out == printable(out) == f"name {printable(text)}\ta\u00e4\u4e2d\n"
+        assert all(each.isprintable() for each in out.strip("\n").replace("\t", ""))
+        assert "\\u" in out

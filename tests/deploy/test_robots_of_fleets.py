@@ -89,7 +89,7 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path: Path) -> None:
         ("damping", "damping_of"): r"mine.toml:10: unknown parameter 'damping_of'",
         ("pose = { y", "xacro_args = { a = 1 }\npose = { y"): r"mine.toml:8: .*xacro_args are for a xacro",
         ("pose = { y", "xacro_args = { a = [1] }\npose = { y"): r"mine.toml:9: robot\[0\].xacro_args",
-        ('model = "burger"', 'model = "burger"\nxacro_args = { a = 1 }'): r"xacro_args are for a xacro, and 'burger'",
+        ('model = "burger"', 'model = "burger"\nxacro_args = { a = 1 }'): r"xacro_args are for a xacro, which 'burger'",
         ('name = "mine"\n', 'name = "mine"\nfolder = "/"\n'): r"mine.toml:2: unknown key 'folder'",
     }
     for (old, new), told in cases.items():

@@ -21,22 +21,12 @@ from services.runtime.transport.request_queue import MAX_BYTES, MAX_REASON_LENGT
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from tests.faults.conftest import FleetSlot
 from tests.faults.supervised_fleet import START_S, SupervisedFleet
+from tests.harness.background_fleet import BURGER
 from tests.harness.external_client import error_reason, external_client
 from tests.harness.memory_node import spinning
 from tests.services.params.parameter_client import assignments
 
-FLEET = """
-name = "asked"
-
-[run]
-mode = "real"
-ends = "never"
-
-[[robot]]
-name = "tb3_0"
-model = "burger"
-pose = { x = 0.0, y = 0.0, yaw = 0.0 }
-"""
+FLEET = f'name = "asked"\n{BURGER}pose = {{ x = 0.0, y = 0.0, yaw = 0.0 }}\n'
 NODES = "/sim", "/params", "/supervisor"
 SET = "/tb3_0/base"
 UNKNOWN = msgpack.packb({"set": SET, "values": [{"name": f"x{number:0250}", "value": 1} for number in range(1000)]})
@@ -81,7 +71,7 @@ def test_a_request_of_eight_megabytes_is_refused_unread(asked_fleet: SupervisedF
     payload = bytes(LARGEST_MESSAGE - 4096)
     for request in (GET_STATE, PARAMS_SET, SUPERVISOR_STOP):
         said = error_reason(session, request.name[1:], payload)
-        assert said == f"a request of {len(payload)} bytes: at most {request.largest} are taken here"
+        assert said == f"a request of {len(payload)} bytes, the limit is {request.largest}"
     asked_fleet.wait(
         lambda: all(asked_fleet.recorder.health[each][1].refused_requests for each in NODES), "the counts in health"
     )

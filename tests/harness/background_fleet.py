@@ -20,10 +20,7 @@ from services.runtime.transport.wire import pack_attachment
 from tests.harness.command_line import CommandLine, CommandResult
 from tests.harness.external_client import external_client
 
-IDLE = """
-name = "idle"
-description = "A burger and a waffle, and nobody who drives them"
-
+BURGER = """
 [run]
 mode = "real"
 ends = "never"
@@ -31,11 +28,16 @@ ends = "never"
 [[robot]]
 name = "tb3_0"
 model = "burger"
-
+"""
+"""A robot in real time without an end, for the file of a fleet; what follows is the robot's."""
+IDLE = f"""
+name = "idle"
+description = "A burger and a waffle, and nobody who drives them"
+{BURGER}
 [[robot]]
 name = "tb3_1"
 model = "waffle"
-pose = { x = 0.0, y = 1.0, yaw = 0.0 }
+pose = {{ x = 0.0, y = 1.0, yaw = 0.0 }}
 """
 WEATHER = {
     "temperature": 20.5,

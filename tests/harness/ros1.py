@@ -11,7 +11,7 @@ from messages.interfaces import catalogue
 from services.script.interface_finder import install
 from services.script.kernel import ScriptKernel
 from services.script.loader import SITE_PACKAGES
-from services.script.testing import memory_kernel
+from tests.harness.memory_kernel import memory_kernel
 
 
 @contextmanager

@@ -99,7 +99,7 @@ def test_a_wrong_map_is_told_with_its_line(tmp_path: Path) -> None:
         ("0.05", ".nan", f"{file}:2: resolution: Expected `float` > 0.0"),
         ("[0.0, 0.0, 0.0]", "[0.0]", f"{file}:3: origin: Expected `array` of length 3, got 1"),
         ("negate", "negated", f"{file}:4: unknown key 'negated'; did you mean 'negate'?"),
-        ("resolution: 0.05\n", "", f"{file}: this is no map.yaml: the key resolution is missing"),
+        ("resolution: 0.05\n", "", f"{file}: this is not a map.yaml: the key resolution is missing"),
         ("map.pgm", "no.pgm", f"{tmp_path}/no.pgm cannot be read"),
         ("image", "image: [", f"{file}: "),
         ("occupied_thresh: 0.65", "occupied_thresh: 1.0", "the plan has no wall"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from models.gazebo_tags import DriveTag, GazeboTags, Transmission, parse_gazebo_tags, read_gazebo_tags, step_rate
+from models.gazebo_tags import DriveTag, GazeboTags, Transmission, parse_gazebo_tags, step_rate
 from models.model import LaserConfig, Mount
 
 ROBOTS = Path(__file__).parent / "robots"
@@ -25,7 +25,7 @@ def drive_of(*inside: str) -> DriveTag:
 
 
 def test_the_courier_of_ros_1_is_understood_whole() -> None:
-    tags = read_gazebo_tags(ROBOTS / "courier.urdf")
+    tags = parse_gazebo_tags((ROBOTS / "courier.urdf").read_text(), "courier.urdf")
     assert tags.drive == DriveTag(
         "differential",
         "courier.urdf:88",
@@ -65,7 +65,7 @@ def test_the_courier_of_ros_1_is_understood_whole() -> None:
 
 
 def test_a_drive_of_wheel_pairs_in_ros_2() -> None:
-    tags = read_gazebo_tags(ROBOTS / "ranger.urdf")
+    tags = parse_gazebo_tags((ROBOTS / "ranger.urdf").read_text(), "ranger.urdf")
     assert tags.drive is not None
     assert tags.drive.left_joints == ("front_left_joint", "rear_left_joint")
     assert tags.drive.right_joints == ("front_right_joint", "rear_right_joint")

@@ -1,4 +1,4 @@
-"""Meshes of all formats come out alike, and what is no mesh, or too large a one, is refused before it is decoded."""
+"""Meshes of all formats come out alike, and what is not a mesh, or too large a one, is refused before it is decoded."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ def test_what_is_no_mesh_is_refused(tmp_path: Path) -> None:
         "500,001 triangles": file("many.obj", b"v 0 0 0\n" + b"f 1 1 1\n" * 500_001),
         "9,999,999 triangles": file("many.dae", dae_cube().replace('count="6"', 'count="9999999"').encode()),
         "is cut short": file("short.stl", stl[:-10]),
-        "no STL: it has 3 bytes": file("tiny.stl", b"abc"),
+        "not an STL: it has 3 bytes": file("tiny.stl", b"abc"),
         "has no triangle": file("empty.obj", b"v 0 0 0\n"),
         "nan.obj: a coordinate": file("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
-        "no .obj file that can be read": file("index.obj", b"v 0 0 0\nf 1 2 999999\n"),
+        "not a readable .obj file": file("index.obj", b"v 0 0 0\nf 1 2 999999\n"),
         "bomb.dae:1: the DAE declares a document type": file("bomb.dae", bomb),
-        "text.dae:1: this is no XML": file("text.dae", b"hello"),
+        "text.dae:1: this is not XML": file("text.dae", b"hello"),
         "odd.dae: the DAE has no scene": file("odd.dae", b"<COLLADA/>"),
         "one of .stl, .obj, .dae, not .ply": file("mesh.ply", b"ply"),
         "pipe, socket or device": tmp_path / "pipe.stl",

@@ -51,7 +51,8 @@ def mesh(said: str, scale: str = "1 1 1") -> str:
 def test_a_urdf_anywhere_becomes_a_model(tmp_path: Path) -> None:
     write(tmp_path / "my robots" / "rover.urdf", rolling())
     found = resolve_robot("my robots/rover.urdf", tmp_path)
-    assert (found.name, display_name(found.model), found.model_toml) == ("rover", "rover", None)
+    assert (found.name, display_name(found.model)) == ("rover", "rover")
+    assert not (found.urdf.parent / "model.toml").is_file()
     assert urdf_path(found.model) == found.urdf
     assert found.urdf.read_text() == rolling(), "what is published is the user's text, line by line"
     assert resolve_robot(found.model, Path("/")) == found, "its own name leads back to it"
@@ -213,12 +214,12 @@ def test_a_xacro_is_expanded_without_ros(tmp_path: Path, monkeypatch: pytest.Mon
         '\n\n<link name="$(arg what)"/>': "wrong.xacro:3: it needs the argument what: give it by xacro_args",
         "\n<xacro:nothing/>": "wrong.xacro:2: unknown macro name: xacro:nothing",
         '<link name="${1 +}"/>': "wrong.xacro:1: ",
-        "<a></b>": "wrong.xacro:1: this is no XML",
+        "<a></b>": "wrong.xacro:1: this is not XML",
         '<xacro:include filename="missing.xacro"/>': "wrong.xacro:1: .*No such file",
         '<xacro:include filename="$(find my_descriptoin)/a"/>': "'my_descriptoin'; did you mean 'my_description'",
         '<xacro:include filename="wrong.xacro"/>': "includes itself",
         '<link name="${[0] * 10**10}"/>': "wrong.xacro:1: it asks for more memory",
-        "<link name='a'/><link name='a'/>": r"wrong.xacro \(expanded\):\d+: the link 'a' is there twice",
+        "<link name='a'/><link name='a'/>": r"wrong.xacro \(expanded\):\d+: the link 'a' occurs twice",
     }
     include = '<xacro:include filename="wheel.xacro"/>' + '<xacro:property name="size" value="${dict(radius=1)}"/>'
     for text, told in wrong.items():
@@ -315,7 +316,7 @@ def test_what_urdfs_in_the_wild_lack_is_assumed_and_told(tmp_path: Path) -> None
         "with products of inertia that no body has: these are left out: products",
         "floating and planar joints, which are fixed here: d, f",
         "joints that mimic others, which move freely here as in Gazebo: c",
-        f"{path}: line 14: link 'weightless': collision is a 'cone', which is no shape of a URDF: it is left out",
+        f"{path}: line 14: link 'weightless': collision is a 'cone', which is not a shape of a URDF: it is left out",
     ):
         assert each in told
     inertias = {each.name: each.inertia for each in parse_urdf(physics_urdf_path(found.model).read_text()).links}

@@ -1,4 +1,4 @@
-"""What is sent to a robot and is no command: counted and shown, never obeyed, and the next good command works."""
+"""What is sent to a robot and is not a command: counted and shown, never obeyed, and the next good command works."""
 
 from __future__ import annotations
 

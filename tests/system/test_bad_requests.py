@@ -101,7 +101,7 @@ def test_a_request_to_a_wildcard_is_meant_for_nobody(session: zenoh.Session, key
         ({"name": "@elea", "model": "burger"}, "letters, digits"),
         (
             {"name": "x", "model": "burger", "pose": Pose(position=Point(x=9), orientation=Quaternion(w=0.0))},
-            "no rotation",
+            "not a rotation",
         ),
     ],
 )

@@ -14,7 +14,7 @@ import pytest
 
 from deploy.report.record import SCHEMA_FILE
 from models.palette import colours
-from services.logger.screenshots import screenshot
+from services.logger.screenshots import Screenshot, screenshots
 from services.square import LOG_FILE
 from tests.harness.command_line import CommandLine, CommandResult
 from tests.harness.cpu_load import cpu_load
@@ -163,7 +163,7 @@ def test_its_duration_ends_it_whatever_the_factor_of_the_wall_clock(terminal: Co
 
 def test_the_recording_opens_in_the_viewer(first: LabRun, tmp_path: Path) -> None:
     png = tmp_path / "run.png"
-    screenshot(first.results / "run.rrd", png)
+    screenshots(first.results / "run.rrd", [Screenshot(png)])
     pixels = np.rint(matplotlib.image.imread(png)[:, :, :3] * 255).astype(int)
     assert pixels.shape == (1080, 1920, 3)
     assert pixels.std() > 5

@@ -8,7 +8,7 @@ from roscpp.srv import GetLoggers, SetLoggerLevel
 from rosgraph_msgs.msg import Log
 
 from services.ros1.command_line import run_command
-from services.script.discovery import settle
+from services.script.waits import settle
 
 LEVELS = {"debug": Log.DEBUG, "info": Log.INFO, "warn": Log.WARN, "error": Log.ERROR, "fatal": Log.FATAL}
 USAGE = {
@@ -32,7 +32,7 @@ def proxy(node, name, kind):
 
 
 def running():
-    from services.script.process import kernel
+    from services.script.api import kernel
 
     return kernel()
 

@@ -8,8 +8,8 @@ import rosnode
 import rospy
 
 from services.ros1.command_line import run_command
-from services.script.discovery import settle
-from services.script.process import kernel
+from services.script.api import kernel
+from services.script.waits import settle
 
 
 def kill(args):

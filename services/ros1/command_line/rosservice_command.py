@@ -8,7 +8,7 @@ import rosservice
 import yaml
 
 from services.ros1.command_line import run_command
-from services.script.discovery import settle
+from services.script.waits import settle
 
 COMMANDS = ("args", "call", "find", "info", "list", "type", "uri")
 

@@ -12,7 +12,7 @@ import rostopic
 import yaml
 
 from services.ros1.command_line import run_command
-from services.script.discovery import settle
+from services.script.waits import settle
 
 COMMANDS = ("bw", "delay", "echo", "find", "hz", "info", "list", "pub", "type")
 

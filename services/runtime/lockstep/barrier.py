@@ -373,7 +373,7 @@ class Barrier:
         slow = [member for member in late if member.waited > REPORT_S]
         if slow:
             listed = ", ".join(f"{member.name} since {member.waited:.0f} s" for member in slow)
-            self._log.warn(f"the simulation waits for {listed}: does it compute, or does it hang?", every=REPORT_S)
+            self._log.warn(f"the simulation waits for {listed}: is it computing, or does it hang?", every=REPORT_S)
         for member in slow:
             if member.unresponsive > SILENT_S or member.waited > MAX_WAIT_S:
                 why = f"no answer for {member.waited:.0f} s, no sign of life for {member.unresponsive:.0f} s"
@@ -571,7 +571,7 @@ class Barrier:
         if member is None and done.leaving and self._had_left(done):
             return ""
         if member is None:
-            return f"from {done.session}, which is no member"
+            return f"from {done.session}, which is not a member"
         if done.token != member.token:
             return f"for {member.name}, without the token that was sent to it: it is forged"
         if done.leaving and done.tick < 0:
@@ -591,7 +591,7 @@ class Barrier:
                     return fault
                 member.answer, self._answers[member.session] = done, None
         elif (done.epoch, done.tick) > member.last:
-            return f"{member.name} has finished tick {done.tick} of epoch {done.epoch}, which it was not let take"
+            return f"{member.name} has finished tick {done.tick} of epoch {done.epoch}, which it was not granted"
         return ""
 
     def _leave(self, member: MemberState) -> None:

@@ -197,7 +197,7 @@ class LockstepMember:
         return None
 
     def _follows(self, go: StepGrant) -> StepGrant | None:
-        """A Go that is no greeting, if it comes from the simulation and is newer than the last."""
+        """A Go that is not a greeting, if it comes from the simulation and is newer than the last."""
         if fault := self._fault(go):
             self.refusals.reject(fault)
             return None

@@ -198,7 +198,7 @@ class ParameterClient:
             self._announce(followed)
 
     def detach(self, followed: ParameterSet) -> None:
-        """Stop following a set, and tell the parameter service."""
+        """Stop following a set, and notify the parameter service."""
         self._sets.remove(followed)
         self._asking.pop(followed, None)
         if self.available:
@@ -313,7 +313,7 @@ class ParameterClient:
         try:
             read_replies(PARAMS_UNDO, key_of(PARAMS_UNDO.name), replies, ANSWER_S, self._transport)
         except CallFailed as error:
-            self._log.error(f"the parameters {name} are not what the parameter service says: {error}")
+            self._log.error(f"the parameters {name} differ from those of the parameter service: {error}")
         return True
 
     def _answered(self, followed: ParameterSet, answer: ParameterValues) -> None:

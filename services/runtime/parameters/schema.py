@@ -98,7 +98,7 @@ def constraints_of(record: type[msgspec.Struct]) -> tuple[Constraint, ...]:
 
 
 def lengths(leaf: Field) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Least and most items at each level of a list, outermost first, then characters of a text; 0 is no bound."""
+    """Least and most items at each level of a list, outermost first, then characters of a text; 0 is not a bound."""
     if leaf.structured:
         return (), ()
     found, inner = [], Unwrapped(leaf.kind, leaf.metas, False)

@@ -42,10 +42,10 @@ class ParameterTree:
         return _copy(self._find(key))
 
     def set(self, key: str, value: Any) -> None:
-        """Set a value or, with a dict, a whole branch. A value above it gives way to a branch.
+        """Set a value or, with a dict, a whole branch. A value above it is replaced by a branch.
 
         Raises:
-            BadInput: It is no parameter, or the root and no dict.
+            BadInput: It is not a parameter, or the root and no dict.
         """
         self.set_checked(key, checked_value(key, value))
 
@@ -89,7 +89,7 @@ class ParameterTree:
             return key if self.has(key) else None
         path, parts = split_key(namespace), split_key(key)
         if not parts:
-            raise BadInput(f"{key!r} is no name of a parameter")
+            raise BadInput(f"{key!r} is not a valid parameter name")
         for length in range(len(path), -1, -1):
             above = path[:length]
             if self.has("/" + "/".join((*above, parts[0]))):
@@ -131,7 +131,7 @@ def parse_json(key: str, text: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"{key}: {text[:80]!r} is no JSON: {error}") from None
+        raise BadInput(f"{key}: {text[:80]!r} is not JSON: {error}") from None
 
 
 def value_to_json(value: Any) -> str:
@@ -142,7 +142,7 @@ def value_to_json(value: Any) -> str:
 def checked_value(key: str, value: Any) -> Any:
     """A copy of a value as the tree keeps it: tuples as lists, numbers of other libraries as Python's.
 
-    Raises BadInput for what is no parameter, with its name.
+    Raises BadInput for what is not a parameter, with its name.
     """
     counter = _Counter()
     return _checked(key.rstrip("/") or "/", value, 0, counter)
@@ -175,7 +175,7 @@ def _checked(where: str, value: Any, depth: int, counter: _Counter) -> Any:
     counter.add(where, 8)
     if isinstance(value, bool) or value is None:
         if value is None:
-            raise BadInput(f"{where}: None is no value of a parameter; delete it instead")
+            raise BadInput(f"{where}: None is not a value of a parameter; delete it instead")
         return value
     if isinstance(value, numbers.Integral):
         number = int(value)
@@ -189,7 +189,7 @@ def _checked(where: str, value: Any, depth: int, counter: _Counter) -> Any:
     if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray | memoryview):
         return [_checked(f"{where}[{i}]", each, depth + 1, counter) for i, each in enumerate(value)]
     raise BadInput(
-        f"{where}: {type(value).__name__} is no value of a parameter, expected bool, int, float, str, list or dict"
+        f"{where}: {type(value).__name__} is not a value of a parameter, expected bool, int, float, str, list or dict"
     )
 
 
@@ -200,7 +200,7 @@ def _checked_map(where: str, value: Mapping[Any, Any], depth: int, counter: _Cou
             raise BadInput(f"{where}: the key {name!r} of a map is {type(name).__name__}, expected a text")
         parts = split_key(name)
         if not parts:
-            raise BadInput(f"{where}: the key {name!r} of a map is no name")
+            raise BadInput(f"{where}: the key {name!r} of a map is not a name")
         node = made
         for step in parts[:-1]:
             inner = node.get(step)

@@ -58,7 +58,7 @@ class TransformBuffer:
                 continue
             history = self._moving.get(child)
             if history is None:
-                if not self._room():
+                if not self._has_room():
                     continue
                 history = self._moving[child] = TimeCache(child, self._cache_ns)
             stamp, parent = each.header.stamp.ns, each.header.frame_id.removeprefix("/")
@@ -184,7 +184,7 @@ class TransformBuffer:
         self.refused, self.reason = self.refused + 1, reason[:200]
         return None
 
-    def _room(self) -> bool:
+    def _has_room(self) -> bool:
         """Whether there is room for another frame; forgets those without recent transforms to make room."""
         if len(self._moving) >= MAX_FRAMES:
             newest = max(each.newest for each in self._moving.values())

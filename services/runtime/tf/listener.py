@@ -1,4 +1,4 @@
-"""The transforms as a loop sees them: as of the start of the tick."""
+"""The transforms for a loop, as of the start of the tick."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class TransformListener:
             add_moving(self.buffer, self._moving)
         # After the moving ones: a publisher that still moves a frame repeats it, one that made it static does not.
         add_static(self.buffer, self._fixed)
-        self._tell()
+        self._log_conflicts()
 
     def clear(self) -> None:
         """Forget the moving transforms after a reset."""
@@ -124,7 +124,7 @@ class TransformListener:
         """The names of all frames."""
         return self.buffer.frames()
 
-    def _tell(self) -> None:
+    def _log_conflicts(self) -> None:
         for frame, text in self.buffer.conflicts().items():
             if frame not in self._logged:
                 self._logged.add(frame)

@@ -1,9 +1,9 @@
 """The seam to the network: a few verbs that Zenoh and an in-memory bus implement alike.
 
 A transport belongs to one thread, its owner's loop. The loop blocks in ``wait`` on one inlet and wakes for a sample
-there, for a nudge (a query, a signal, another thread) and ten times a second in any case; everything else is drained
-without blocking. Waiting on the channel itself, instead of having a receiving thread hand samples over, makes the
-round trip a third shorter.
+there, when it is woken (by a query, a signal, another thread) and ten times a second in any case; everything else is
+drained without blocking. Waiting on the channel itself, instead of having a receiving thread hand samples over, makes
+the round trip a third shorter.
 """
 
 from __future__ import annotations
@@ -237,7 +237,7 @@ class Transport(Protocol):
         ...
 
     def wait(self, inlet: RawSubscriber) -> None:
-        """Block until ``inlet`` has a sample, a nudge comes, or BEAT_S has passed; ``take`` before waiting again."""
+        """Block until ``inlet`` has a sample, ``wake`` is called, or 0.1 s pass; call ``recv`` before the next."""
         ...
 
     def wake(self) -> None:

@@ -38,7 +38,7 @@ RECENT = 64
 Run = Callable[[Callable[[], None]], None]
 """Has the thread call something."""
 RunLater = Callable[[float, Callable[[], None]], None]
-"""Has the thread call something after so many seconds of wall time."""
+"""Has the thread call a function after a delay [s of wall time]."""
 
 
 class LatchedPublisher:

@@ -54,7 +54,7 @@ class RequestQueue(Generic[T]):
     def offer(self, item: T, size: int) -> bytes | None:
         """Keep a request of ``size`` bytes, or give the refusal for it."""
         if size > self._largest:
-            return self._refusals.add(f"a request of {size} bytes: at most {self._largest} are taken here")
+            return self._refusals.add(f"a request of {size} bytes, the limit is {self._largest}")
         with self._lock:
             if len(self.items) < MAX_WAITING and self._bytes + size <= MAX_BYTES:
                 self.items.append((item, size))

@@ -155,7 +155,7 @@ def _check(folder: Path) -> None:
         ) from None
     mode = stat.S_IMODE(found.st_mode)
     if not stat.S_ISDIR(found.st_mode):
-        what = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "no folder"
+        what = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "not a folder"
         raise BadInput(f"{folder} is {what}, and Unix sockets need a folder there: remove it, if it is yours")
     if found.st_uid != os.geteuid():
         raise BadInput(

@@ -49,10 +49,10 @@ class ZenohSubscriber:
         self._past = past
 
     def recv(self) -> Sample | None:
-        sample = self._take() if self._past is None else self._past.next(self._take)
+        sample = self._pop() if self._past is None else self._past.next(self._pop)
         return None if sample is None else _unpack(sample)
 
-    def _take(self) -> Any | None:
+    def _pop(self) -> Any | None:
         """The next sample that was sent."""
         sample, self.held = self.held, None
         while sample is not None or (sample := self.subscriber.try_recv()) is not None:
@@ -88,10 +88,10 @@ class ZenohNotifyingSubscriber:
         self._notify()
 
     def recv(self) -> Sample | None:
-        sample = self._take() if self._past is None else self._past.next(self._take)
+        sample = self._pop() if self._past is None else self._past.next(self._pop)
         return None if sample is None else _unpack(sample)
 
-    def _take(self) -> Any | None:
+    def _pop(self) -> Any | None:
         return self._samples.popleft() if self._samples else None
 
     def encoding(self, source: Any) -> str:
@@ -118,9 +118,9 @@ class ZenohThreadedSubscriber(ZenohSubscriber):
         super().__init__(key, subscriber, session, past)
         self._put = put
 
-    def _take(self) -> Any | None:
+    def _pop(self) -> Any | None:
         try:
-            return super()._take()
+            return super()._pop()
         except zenoh.ZError:  # the session has closed, as ``wait`` says next
             return None
 
@@ -205,10 +205,10 @@ class ZenohQuery:
 class ZenohServer:
     """The queries on one key. Those without room are refused in the receiving thread: the loop never sees them."""
 
-    def __init__(self, backlog: RequestQueue[Any], nudge: Callable[[], None]) -> None:
+    def __init__(self, backlog: RequestQueue[Any], wake: Callable[[], None]) -> None:
         self.handle: Any = None
         self.waiting: Collection[object] = backlog.items
-        self._backlog, self._wake = backlog, nudge
+        self._backlog, self._wake = backlog, wake
 
     def on_query(self, query: Any) -> None:
         """Called by Zenoh, in its own thread."""
@@ -428,7 +428,7 @@ class ZenohTransport:
         if self._configuration["mode"] != "client":  # the router answers a client, and whole
             news: Any = FifoChannel(_MOST_TOKENS)
             self._census.news = self._zenoh.liveliness().declare_subscriber(f"{ADMIN_SPACE}/**", news, history=True)
-        self._ticker = threading.Thread(target=self._run_ticker, name="nudge", daemon=True)
+        self._ticker = threading.Thread(target=self._run_ticker, name="ticker", daemon=True)
         self._ticker.start()
         return self
 
@@ -515,11 +515,11 @@ class ZenohTransport:
     def watch(self, pattern: str) -> ZenohTokenWatch:
         watch = ZenohTokenWatch(lambda: self.tokens(pattern))
 
-        def hand_over(sample: Any) -> None:
+        def deliver(sample: Any) -> None:
             watch.items.append(sample)
             self._awake.set()
 
-        handler = Callback(hand_over, indirect=False)
+        handler = Callback(deliver, indirect=False)
         watch.handle = self._zenoh.liveliness().declare_subscriber(pattern, handler, history=True)
         return watch
 
@@ -539,7 +539,7 @@ class ZenohTransport:
         if self.open:
             self.open = False
             self._awake.set()
-            self._ticker.join()  # a nudge into a session that closes fails, and the thread with it
+            self._ticker.join()  # a sample into a session that closes fails, and the thread with it
             with suppress(zenoh.ZError):  # the link was gone already
                 run_with_timeout(self._close_session, CLOSE_S)
             self._latching.close(CLOSE_S)

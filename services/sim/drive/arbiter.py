@@ -45,7 +45,7 @@ class Arbiter:
     priorities, the last one that arrived. A command's age counts from its stamp where it has one, and from its arrival
     otherwise. With ``timeout`` 0 a command holds until its publisher is gone. When nothing is left, the base brakes.
     ``exclusive`` allows one commander at a time: while commands of several live, the base brakes, and each that comes
-    is refused; ``contested`` tells of it.
+    is refused; ``contested`` says so.
     ``commands``, ``refused`` and ``stale_dropped`` count what was offered; ``commands_timed_out`` counts how often a
     base that had been told to move was left without a live command. ``last_command`` [ns] is when the newest of the
     accepted was made. ``decision`` holds until ``until`` [ns], unless something comes.
@@ -114,7 +114,7 @@ class Arbiter:
             self.clear()
 
     def clear(self) -> None:
-        """Forget all commands, as when simulation time starts anew; an emergency stop and the counts stay."""
+        """Forget all commands, as when simulation time restarts; an emergency stop and the counts stay."""
         self._active.clear()
         self.decision, self.until = BRAKE, inf
         self.timed_out = self.conflict = False

@@ -121,7 +121,7 @@ def effective_parameters(name: str, model: RobotModel, stated: BaseParameters) -
     ours = build(BaseParameters, model.drive, where)
     for each in model.drive:
         if getattr(_DEFAULTS, each) is not None:
-            raise BadInput(f"{where}: {each} is for a fleet to say, not for a model")
+            raise BadInput(f"{where}: {each} belongs in a fleet file, not in a model")
     merged: BaseParameters = _merged(ours, stated)
     return with_model_defaults(model, merged)
 

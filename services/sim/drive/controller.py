@@ -142,7 +142,7 @@ class DiffDriveController:
 
     @property
     def commanded_velocity(self) -> tuple[float, float]:
-        """What the wheels are told, as speed [m/s] and turn rate [rad/s] of the base."""
+        """The commanded wheel speeds, as speed [m/s] and turn rate [rad/s] of the base."""
         return commanded_velocity(self.drive, self._state)
 
     def status(

@@ -117,7 +117,7 @@ def wheel_speeds(drive: Drive, state: DriveState) -> tuple[float, float]:
 
 
 def commanded_velocity(drive: Drive, state: DriveState) -> tuple[float, float]:
-    """What the wheels are told, as speed [m/s] and turn rate [rad/s] of the base: the command after all limits."""
+    """The commanded wheel speeds, as speed [m/s] and turn rate [rad/s] of the base, after all limits."""
     if drive.ramp.acceleration == drive.ramp.brake == inf:
         return state.v, state.w
     return body_velocity(drive.geometry, state.left, state.right)

@@ -96,10 +96,6 @@ def _approach(wanted: float, last: float, up: float, down: float, beyond: float,
     return max(wanted, -beyond * left) if beyond < inf else wanted
 
 
-GAZEBO_JUMP = 0.01
-"""m/s; the band of the Gazebo plugin's rule, see ``WheelRamp.jump``."""
-
-
 @dataclass(frozen=True)
 class WheelRamp:
     """How fast a wheel's rim changes its speed, m/s2: under command, and to a stop; inf: at once.
@@ -117,7 +113,7 @@ NO_RAMP = WheelRamp()
 """Wheels that take any speed at once."""
 
 
-def ramp_toward(ramp: WheelRamp, now: float, goal: float, most: float) -> float:
+def ramp_toward(now: float, goal: float, most: float) -> float:
     """One rim's speed, moved from ``now`` toward ``goal`` by at most ``most`` [m/s]."""
     way = goal - now
     return goal if abs(way) <= most else now + (most if way > 0 else -most)
@@ -131,4 +127,4 @@ def ramp_wheels(
     most = (ramp.brake if stopping else ramp.acceleration) * dt
     if abs(goal_left - left) < ramp.jump or abs(goal_right - right) < ramp.jump:
         return goals
-    return ramp_toward(ramp, left, goal_left, most), ramp_toward(ramp, right, goal_right, most)
+    return ramp_toward(left, goal_left, most), ramp_toward(right, goal_right, most)

@@ -33,7 +33,7 @@ from services.sim.moment import Moment
 from services.sim.physics.world import BodyHandle, BodyState
 
 MIN_INTERVAL_S = 1e-4
-"""An interval below this tells a way but no speed."""
+"""Over an interval shorter than this a distance is known but no speed."""
 
 Velocity = tuple[float, float]
 """Speed [m/s] and turn rate [rad/s]."""
@@ -143,7 +143,7 @@ def world_motions(states: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def counted_motion(odometry: OdometryState) -> Motion:
-    """What the wheels tell, on a level ground."""
+    """The pose by the wheels, on level ground."""
     x, y, heading, v, w, *_ = odometry
     return x, y, 0.0, 0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2), v, 0.0, 0.0, 0.0, 0.0, w
 
@@ -221,7 +221,7 @@ class Odometer:
         self.reset()
 
     def reset(self) -> None:
-        """Count from here, with the wheels as they stand."""
+        """Start counting here, from the current angles of the wheels."""
         counts = self._controller is not None and self.config.source != "world"
         here = body_pose(self._body.state()) if counts and self.config.in_world else None
         start = IDENTITY if here is None else Pose2.from_msg(here)
@@ -291,7 +291,7 @@ class Odometer:
         self.twist_covariance: Packed36 = ZERO_COVARIANCE if settings.twist is None else settings.twist
 
     def reset_phase(self) -> None:
-        """Find the rate's phase anew, as after a change of the rate."""
+        """Recompute the phase of the rate, as after a change of the rate."""
         self._slot = None
 
     def _angles(self) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from services.sim.physics.world import JointFriction
 class JointConfig:
     """How efforts on the joints of a robot become one, and what each joint resists.
 
-    ``warnings`` are what URDF and parameters say that is hardly meant so.
+    ``warnings`` name values of URDF and parameters that are probably mistakes.
     """
 
     effort_rule: EffortRule

@@ -116,7 +116,7 @@ class JointEffortController:
     def add_job(self, job: JointEffort, now: int) -> str:
         """Take a job at ``now`` [ns]; returns the note on its duration. Raises BadInput for a joint there is not."""
         if self.stopped:
-            raise BadInput(f"{self._name} is stopped: e_stop = false of each who stopped it resets it")
+            raise BadInput(f"{self._name} is stopped: each publisher that stopped it must send e_stop = false")
         return self._add(job, job.duration, now, b"")
 
     def clear_jobs(self, joint: str) -> int:

@@ -57,7 +57,7 @@ class JobQueue(Generic[T]):
     def add(self, job: Job[T]) -> None:
         """Take a job; raises BadInput when there are too many. Among those of one start, the last to come is later."""
         if len(self._jobs) >= MAX_JOBS:
-            raise BadInput(f"{MAX_JOBS} jobs are waiting or acting, the most there may be: clear them first")
+            raise BadInput(f"{MAX_JOBS} jobs are waiting or acting, which is the limit: clear some first")
         place = len(self._jobs)
         while place and self._jobs[place - 1].start > job.start:
             place -= 1
@@ -70,7 +70,7 @@ class JobQueue(Generic[T]):
         return count
 
     def publisher_lost(self, source: bytes) -> None:
-        """A publisher is gone: what it meant to last until cleared ends, all else at its own end."""
+        """A publisher is gone: its jobs that last until cleared end now, the others at their own end."""
         self._jobs = [job for job in self._jobs if job.source != source or job.end < inf]
 
     def active(self, now: int) -> list[T]:

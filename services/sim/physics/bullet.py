@@ -33,7 +33,7 @@ from services.sim.physics.world_bodies import ground_height
 SECOND = 1_000_000_000
 
 STANDING = 0.7
-"""Least vertical part of a contact's normal on a ramp or height map, the cosine of 45 degrees, that is no collision."""
+"""Least vertical part of a contact's normal on a ramp or height map that is not a collision: cos 45 degrees."""
 
 MOST_RAYS = 16_000
 """Rays that the engine casts in one call."""

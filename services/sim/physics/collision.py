@@ -146,7 +146,7 @@ class CollisionChecker:
 
 
 def _without_looks(world: WorldDescription) -> WorldDescription:
-    """The same world to be felt alone: a house of meshes loads in half the time."""
+    """The same world without its looks: a building of meshes loads in half the time."""
     bodies = [
         replace(body, parts=tuple(replace(part, visible=False) for part in body.parts if part.solid))
         for body in world.bodies

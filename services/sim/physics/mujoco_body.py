@@ -72,7 +72,6 @@ class MujocoBody:
         self.limited_damping: Mapping[str, float] = {}
         """Always empty: the engine takes any damping."""
         self.fixed = description.fixed
-        self._first = 0 if self.fixed else 1
         positions, rates = (0, 0) if self.fixed else (ROOT_POSITIONS, ROOT_VELOCITIES)
         self.arrays = BodyArrays(positions + len(tree.parts) - 1, rates + len(tree.parts) - 1)
         self._position_of = {joint: positions + part - 1 for joint, part in tree.joints.items()}

@@ -34,7 +34,7 @@ SECOND = 1_000_000_000
 Floats = NDArray[np.float64]
 
 STANDING = 0.7
-"""Least vertical part of a contact's normal on a ramp or height map, the cosine of 45 degrees, that is no collision."""
+"""Least vertical part of a contact's normal on a ramp or height map that is not a collision: cos 45 degrees."""
 _SKY = 1e4
 """m; nothing is farther."""
 _SMOOTH = 0.1

@@ -179,7 +179,7 @@ class BodyHandle(Protocol):
         """Let joints move freely again, against their friction alone."""
 
     def joint_inertias(self) -> tuple[float, ...]:
-        """The inertia [kg m2 or kg] of all that moves with each of ``joints``, about it, as they stand; 3 us."""
+        """The inertia [kg m2 or kg] of all that moves with each of ``joints``, about it, as configured now; 3 us."""
 
     def set_joint_friction(self, joint_friction: Mapping[str, JointFriction]) -> None:
         """Set the friction of joints from now on, also after a reset; the others keep theirs."""

@@ -133,7 +133,7 @@ def test_bags_whose_names_have_a_dot_have_a_recording_each(tmp_path: Path) -> No
     [
         (["record"], "nothing to record: name topics, or give --all or --regex"),
         (["record", "-a", "/clock"], "--all records every topic"),
-        (["record", "-a", "-b", "12 parsecs"], "is no size: write bytes, or 100M"),
+        (["record", "-a", "-b", "12 parsecs"], "is not a size: write bytes, or 100M"),
         (["record", "-a", "-d", "-1"], "max_duration = -1.0"),
         (["record", "-e", "("], "'(' is not a regular expression"),
         (["record", "/a//b"], "parts are joined by a single '/'"),

@@ -51,5 +51,5 @@ def test_another_hook_is_kept_and_a_folder_without_git_is_refused(repository: Pa
     assert hook.read_text() == "#!/bin/sh\nexit 0\n"
     hook.unlink()
     (repository / ".git").rename(repository / "gone")
-    with pytest.raises(BadInput, match="is no Git repository"):
+    with pytest.raises(BadInput, match="is not a Git repository"):
         install_pre_commit_hook(repository)

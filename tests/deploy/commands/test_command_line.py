@@ -43,7 +43,7 @@ def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subp
         (["up", "--report", "/dev/null/x"], "/dev/null/x cannot be written"),
         (["run", "wayponit"], "unknown service 'wayponit'; did you mean 'waypoint'"),
         (["run", "nowhere.py"], "there is no file nowhere.py"),
-        (["run", "tests/harness/memory_node.py"], "only defines things, and runs none"),
+        (["run", "tests/harness/memory_node.py"], "defines things but runs nothing"),
         (["down"], "no fleet is running"),
         (["restart", "sim"], "no fleet is running"),
         (["graph", "--port", "1"], "is a fleet up? ./elea ps lists those that run"),

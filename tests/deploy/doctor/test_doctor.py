@@ -71,7 +71,7 @@ def test_a_missing_router_fails_with_advice() -> None:
 
 def test_the_advice_is_about_the_router_that_was_asked_for() -> None:
     lab = FleetInstance(fleet="lab", mode="real", port=7500, pid=1, folder="", started="")
-    assert "its router hang" in network._advice(router_endpoint(7500), [lab])
+    assert "its router may hang" in network._advice(router_endpoint(7500), [lab])
     assert network._advice(router_endpoint(7447), [lab]).endswith("running: lab with --port 7500")
 
 

@@ -51,7 +51,7 @@ def test_bad_names_make_nothing(tmp_path: Path) -> None:
         with pytest.raises(BadInput, match=reason):
             make_exercise(name, kind, tmp_path)
     (tmp_path / "avoid").mkdir()
-    with pytest.raises(BadInput, match="is there already"):
+    with pytest.raises(BadInput, match="exists already"):
         make_exercise("avoid", EXERCISES[0], tmp_path)
     with pytest.raises(BadInput, match="cannot be made"):
         make_exercise("avoid", EXERCISES[0], tmp_path / "nowhere")

@@ -6,18 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.harness.background_fleet import background_fleet
+from tests.harness.background_fleet import BURGER, background_fleet
 from tests.ros1.script_fleets import HERE
 
 SERVER = HERE / "workspaces/arm_course/src/arm_parameters/scripts/server.py"
 FLEET = f"""
 name = "dynparam"
-[run]
-mode = "real"
-ends = "never"
-[[robot]]
-name = "tb3_0"
-model = "burger"
+{BURGER}
 services = [{{ kind = "waypoint" }}]
 [[service]]
 kind = "{SERVER}"

@@ -311,8 +311,8 @@ def test_what_cannot_be_run_is_named_and_only_an_error_if_required(workspace: La
     for attributes, said in {
         'type="spawn_model" args="-urdf -param robot -model a"': r"there is no parameter /robot",
         'type="spawn_model" args="-urdf -model a"': r"needs -param, -file or -database",
-        'type="spawn_model" args="-urdf -x one -param p"': r"-x 'one' is no number",
-        'type="spawn_model" args="-urdf -J elbow -param p"': r"-J elbow '-param' is no number",
+        'type="spawn_model" args="-urdf -x one -param p"': r"-x 'one' is not a number",
+        'type="spawn_model" args="-urdf -J elbow -param p"': r"-J elbow '-param' is not a number",
         'type="spawn_model" args="-urdf -file /nowhere.urdf -model a"': r"file /nowhere\.urdf does not exist",
     }.items():
         with pytest.raises(BadInput, match=rf"test\.launch:2: .*{said}"):

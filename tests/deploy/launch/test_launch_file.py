@@ -146,7 +146,7 @@ ERRORS = {
     '<param name="a" value="$(find robot)"/>': r":2: there is no package 'robot'; did you mean 'robots'",
     '<param name="a" value="$(eval 1 / 0)"/>': r":2: \$\(eval 1 / 0\): ZeroDivisionError",
     '<param name="a" value="$(eval __import__(1))"/>': r":2: \$\(eval …\) must not have '__' in it",
-    '<param name="a" value="x" type="int"/>': r":2: 'x' is no int",
+    '<param name="a" value="x" type="int"/>': r":2: 'x' is not a valid int",
     '<param name="a" value="x" type="integer"/>': r":2: unknown type 'integer'",
     '<param name="a"/>': r":2: <param> 'a' needs one of value, textfile and command, not none",
     '<param name="a" binfile="x"/>': r":2: <param> 'a': binfile is not supported",
@@ -190,9 +190,9 @@ def test_what_roslaunch_passes_over_is_left_out_with_a_note(workspace: LaunchWor
     found = {note.partition("test.launch:")[2] for note in launch.notes}
     assert found == {
         "3: <node> has no attribute 'respwan'; did you mean 'respawn'?; it is left out",
-        "3: <arg> is no element here; it is left out",
-        "4: <nod> is no element here; did you mean 'node'?; it is left out",
-        "5: <param> is no element here; it is left out",
+        "3: <arg> is not an element here; it is left out",
+        "4: <nod> is not an element here; did you mean 'node'?; it is left out",
+        "5: <param> is not an element here; it is left out",
     }
 
 

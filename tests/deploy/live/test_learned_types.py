@@ -16,7 +16,7 @@ from messages.interfaces.records import forget_learned
 from messages.topics import INTERFACES
 from services.runtime.interfaces import InterfaceAnnouncer
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
-from services.script.testing import memory_kernel
+from tests.harness.memory_kernel import memory_kernel
 from tests.harness.memory_node import memory_node
 
 

@@ -33,9 +33,9 @@ from messages.simulation import SimStatus
 from messages.std import ColorRGBA, Time
 from messages.visualization import Marker, MarkerArray
 from models.palette import colour, hexadecimal
-from services.driving.world_bodies import world_bodies
 from services.grader.records import TRAJECTORIES_FILE, EndReason, Measurements
 from services.grader.results import prepare_folder, world_arrays, write_atomic, write_results
+from services.markers.world_bodies import world_bodies
 from services.runtime.errors import BadInput
 from tests.services.grader.simulated_run import measure_all, robot_messages
 

@@ -50,10 +50,10 @@ def test_every_combination_is_a_run_of_up() -> None:
 
 def test_what_is_no_sweep_is_refused() -> None:
     for (seeds, *assignments), what in {
-        ("3..1",): "its end before its beginning",
+        ("3..1",): "ends before it begins",
         ("a",): "neither a seed nor a range",
         ("1,1",): "1 is given twice",
-        ("", "model"): "is no assignment",
+        ("", "model"): "is not an assignment",
         ("", "model="): "a value is empty",
         ("", "model=a", "model=b"): "gives model twice",
         ("0..9999", "run.latency=0,1"): "20000 combinations are more than 10000",
@@ -87,7 +87,7 @@ def test_every_combination_is_checked_before_anything_starts(tmp_path: Path) -> 
 def test_a_folder_goes_on_with_its_own_sweep_alone(tmp_path: Path) -> None:
     sweep, other = swept("run.latency=0,1", seeds="1"), swept("run.latency=0", seeds="1")
     with open_folder(tmp_path / "a", sweep):
-        with pytest.raises(BadInput, match="sweep works on"), open_folder(tmp_path / "a", sweep):
+        with pytest.raises(BadInput, match="sweep is using"), open_folder(tmp_path / "a", sweep):
             raise AssertionError
         assert read_definition(tmp_path / "a") == sweep
         first, second = pending_runs(tmp_path / "a", sweep)
@@ -100,7 +100,7 @@ def test_a_folder_goes_on_with_its_own_sweep_alone(tmp_path: Path) -> None:
         raise AssertionError
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "thesis.tex").touch()
-    with pytest.raises(BadInput, match="holds something else"), open_folder(tmp_path / "b", sweep):
+    with pytest.raises(BadInput, match="holds something other"), open_folder(tmp_path / "b", sweep):
         raise AssertionError
 
 

@@ -267,7 +267,7 @@ def test_metadata_whose_end_is_missing_is_told_and_compressed_files_are_known(tm
         (whole[: whole.index("  - path: bag_1")], "is cut or damaged: it has no custom_data"),
         (whole[: whole.index("  ros_distro")], "is cut or damaged: it has no ros_distro"),
         (whole.replace("version: 9", "version: 4").replace("storage_identifier", "x"), "it has no storage_identifier"),
-        (whole[: whole.index("  - path: bag_1")] + "  custom_data: {}\n  ros_distro: x\n", "it tells of 1 of"),
+        (whole[: whole.index("  - path: bag_1")] + "  custom_data: {}\n  ros_distro: x\n", "it lists 1 of"),
     ):
         metadata.write_text(text)
         assert [reason in each for each in open_bag(tmp_path / "bag").known_problems] == [True], (reason, text[-60:])
@@ -288,5 +288,5 @@ def test_names_of_files_that_are_no_numbers(tmp_path: Path) -> None:
     (tmp_path / "x_0.mcap.zstd").touch()
     with pytest.raises(BadInput, match="compressed as a whole: unpack it first"):
         open_bag(tmp_path)
-    with pytest.raises(BadInput, match="it is no file and no folder"):
+    with pytest.raises(BadInput, match="it is neither a file nor a folder"):
         open_bag(Path("/dev/null"))

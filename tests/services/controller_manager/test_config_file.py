@@ -145,13 +145,13 @@ def test_mistakes_are_told_with_their_line() -> None:
             r"c\.yaml:11: arm_controller: velocity needs gains for each joint",
         ),
         (ROS_1.replace("goal_time: 0.6", "goal_time: -1"), r"c\.yaml:18: .*goal_time: Expected `float` >= 0"),
-        (ROS_1.replace("[shoulder, elbow]", "[elbow, elbow]"), r"c\.yaml:12: the joint 'elbow' is there twice"),
+        (ROS_1.replace("[shoulder, elbow]", "[elbow, elbow]"), r"c\.yaml:12: the joint 'elbow' occurs twice"),
         (ROS_2.replace("position, velocity]", "torque]"), r"c\.yaml:15: unknown interface 'torque' \(known: effort, p"),
         (two, r"c\.yaml:10: velocities: unknown type of controller 'foward"),
         (ROS_2.replace("[waist]", "[]"), r"c\.yaml:22: velocities\.joints: Expected `array` of length >= 1"),
         (ROS_2.replace("update_rate: 50", "update_rate: 1e9"), r"c\.yaml:3: controller_manager\.update_rate: "),
         (one + one, r"c\.yaml: line 4: c is given twice"),
-        (one.replace("c:", "'c d':"), r"c\.yaml:2: 'c d' is no name of a controller"),
+        (one.replace("c:", "'c d':"), r"c\.yaml:2: 'c d' is not a valid controller name"),
         ("a: {b: 1}", r"c\.yaml:1: there is no controller in this file"),
         ("- a", r"c\.yaml:1: expected a table of controllers"),
         ("a: [", r"c\.yaml: while parsing"),
@@ -190,7 +190,7 @@ def test_joints_are_those_of_the_robot() -> None:
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"no controllers' file .*missing\.yaml"):
+    with pytest.raises(BadInput, match=r"no controller file .*missing\.yaml"):
         read_config(tmp_path / "missing.yaml", "arm")
     (tmp_path / "large.yaml").write_bytes(b"#" * (MAX_BYTES + 1))
     with pytest.raises(BadInput, match=r"large\.yaml: more than \d+ bytes"):

@@ -153,7 +153,7 @@ def test_a_goal_is_aborted_on_its_way_and_at_its_end(tmp_path: Path) -> None:
         stand.run(0.2)
         [(name, status, code, why)] = results(stand)
         assert (name, status, code) == ("too far", Status.ABORTED, TrajectoryError.GOAL_TOLERANCE_VIOLATED)
-        assert why.startswith("elbow is 0.2 off, 0.05 is the most, 0.3")
+        assert why.startswith("elbow is 0.2 off, the limit is 0.05, 0.3")
         assert "arm_controller: the position 2.5" in stand.service.log
         assert "of elbow is clamped to 2.5, its limit in the URDF" in stand.service.log
         send_goal(stand, "nobody", trajectory((1.0, {"elbow": 0.0})), path_tolerance=(JointTolerance(name="nose"),))
@@ -280,14 +280,14 @@ def test_joints_that_the_robot_lacks_end_it_with_the_line(tmp_path: Path) -> Non
 def test_foreign_messages_neither_end_it_nor_move_a_joint(tmp_path: Path) -> None:
     with arm_stand(tmp_path, urdf="<robot") as stand:
         stand.run(0.1)
-        assert "the robot_description is not taken: line 1: the URDF is not XML" in stand.service.log
+        assert "the robot_description is refused: line 1: the URDF is not XML" in stand.service.log
         assert stand.command.targets == ()
         stand.service.publish(ROBOT_DESCRIPTION, String(data=URDF.read_text()))
         stand.run(0.1)
         assert len(stand.command.targets) == 4
         stand.service.publish(ROBOT_DESCRIPTION, String(data="<robot><link name='a'/></robot>"))
         stand.run(0.1)
-        assert "another robot_description is not taken: " in stand.service.log
+        assert "another robot_description is refused: " in stand.service.log
         assert len(stand.command.targets) == 4
         stand.feedback = False
         stand.service.publish(JOINT_FEEDBACK, JointState(header=Header(stamp=Time.of(stand.rig.now)), name=("elbow",)))

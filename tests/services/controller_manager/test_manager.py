@@ -9,9 +9,8 @@ import pytest
 from messages.controllers import SwitchController
 from messages.std import Empty
 from services.controller_manager.config_file import parse_config
-from services.controller_manager.controller import Ports
+from services.controller_manager.controller import CommandLimiter, JointReading, Ports
 from services.controller_manager.manager import ControllerManager
-from services.controller_manager.robot_state import CommandLimiter, JointReading
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.runtime.parameters.base import Parameters
@@ -59,7 +58,7 @@ def test_a_joint_has_the_first_controller_of_the_file_or_those_that_are_named() 
     assert some.running == ("group_controller", "waist_controller")
     assert warnings == []
     assert targets(some) == {"shoulder": "position", "elbow": "position", "waist": "velocity"}
-    with pytest.raises(BadInput, match="group_controller and arm_controller both want the joint shoulder"):
+    with pytest.raises(BadInput, match="group_controller and arm_controller both claim the joint shoulder"):
         manager("arm_controller", "group_controller")
     with pytest.raises(BadInput, match=r"unknown controller 'arm'"):
         manager("arm")
@@ -69,7 +68,7 @@ def test_controllers_are_switched_all_or_none() -> None:
     each, _ = manager()
     assert targets(each).keys() == {"waist", "shoulder", "elbow", "gripper"}
     for start, stop, told in (
-        (("group_controller",), (), "both want the joint shoulder: stop one of them"),
+        (("group_controller",), (), "both claim the joint shoulder: stop one of them"),
         (("group_controler",), ("arm_controller",), "unknown controller 'group_controler'; did you mean 'group_contr"),
     ):
         with pytest.raises(BadInput, match=told):

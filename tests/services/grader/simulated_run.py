@@ -9,10 +9,10 @@ from messages.geometry import Pose, PoseWithCovariance, Twist, TwistWithCovarian
 from messages.nav import Odometry
 from messages.se2 import Pose2
 from messages.std import Header, Time
+from services.driving.plan import path_message, status_message
 from services.grader.measurement import GradedMessage, Measurement, MessageKind
 from services.waypoint import WaypointParameters
 from services.waypoint.controller import WaypointController
-from services.waypoint.loop import path_message, status_message
 from tests.services.waypoint.ideal_base import drive
 
 Points = tuple[tuple[float, float], ...]

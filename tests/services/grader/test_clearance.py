@@ -15,10 +15,10 @@ from models import urdf_path
 from models.extents import vertical_extent
 from models.model import read_model
 from models.world import read_world
-from services.driving.world_bodies import World, world_bodies
 from services.grader import SizeSpec
 from services.grader.clearance import ClearanceMeter
 from services.grader.results import world_arrays
+from services.markers.world_bodies import World, world_bodies
 from services.runtime.step import STEP_NS
 from services.sim.engines import default_engine, open_world
 from services.sim.physics.world import Body

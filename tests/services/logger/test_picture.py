@@ -7,7 +7,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from services.logger.screenshots import headless_viewer, screenshot
+from services.logger.screenshots import Screenshot, headless_viewer, screenshots
 from services.runtime.errors import BadInput
 from tests.services.logger.conftest import LENGTH_S, RecordedDrive
 
@@ -40,17 +40,17 @@ def test_a_machine_that_cannot_draw_is_told_what_to_install(
     monkeypatch.setenv("VK_DRIVER_FILES", "/nonexistent.json")
     monkeypatch.setenv("VK_ICD_FILENAMES", "/nonexistent.json")
     with pytest.raises(BadInput, match=PACKAGES):
-        screenshot(driven.file, tmp_path / "run.png")
+        screenshots(driven.file, [Screenshot(tmp_path / "run.png")])
     assert children() == []
 
 
 @pytest.mark.process
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="no recording"):
-        screenshot(tmp_path / "absent.rrd", tmp_path / "run.png")
+        screenshots(tmp_path / "absent.rrd", [Screenshot(tmp_path / "run.png")])
     (tmp_path / "bad.rrd").write_text("not a recording")
     with pytest.raises(BadInput, match=r"bad\.rrd is not a recording"):
-        screenshot(tmp_path / "bad.rrd", tmp_path / "run.png")
+        screenshots(tmp_path / "bad.rrd", [Screenshot(tmp_path / "run.png")])
     assert children() == []
 
 

@@ -15,10 +15,10 @@ from messages.sensor import LaserScan
 from messages.std import Header, Time
 from messages.tf import TFMessage
 from messages.topics import GROUND_TRUTH, SCAN, TF, TF_STATIC
-from services.driving.laser import scan_points
 from services.logger import SERVICE, LoggerParameters
 from services.logger.columns import RobotColumns
 from services.logger.scans import ScanBuffer
+from services.markers.displays import scan_points
 from services.runtime.testing import run_service
 from services.runtime.tf.buffer import TransformBuffer
 from tests.services.logger.recording_reader import columns, entities

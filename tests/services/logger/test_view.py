@@ -126,6 +126,6 @@ def test_a_run_without_a_recording_is_told_from_a_folder_of_another_kind(tmp_pat
 def test_where_a_robot_is_is_read_from_the_recording(run: Path) -> None:
     assert robot_position(run / "run.rrd", "arm", "sim_time", UP) == pytest.approx((*PLACE, 0.0))
     assert robot_position(run / "run.rrd", "tb3_3", "sim_time", 1.0)[1] == pytest.approx(1.5, abs=0.01)
-    with pytest.raises(BadInput, match="not known where arm is at 0 s"):
+    with pytest.raises(BadInput, match="the position of arm is not known at 0 s"):
         robot_position(run / "run.rrd", "arm", "sim_time", 0.0)
     assert robot_radii(run / "run.rrd") == pytest.approx({"arm": 0.0, **{f"tb3_{k}": 0.105 for k in range(4)}})

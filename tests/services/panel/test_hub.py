@@ -124,7 +124,7 @@ def test_a_page_has_few_requests_under_way(at: HubHarness) -> None:
     at.spin()
     replies = at.messages_to(page, "reply")
     assert len(replies) == 12
-    assert all("wait for their answers" in each["result"] for each in replies)
+    assert all("waiting for an answer" in each["result"] for each in replies)
 
 
 def test_the_graph_follows_who_comes_and_goes(at: HubHarness) -> None:

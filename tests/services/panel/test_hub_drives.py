@@ -71,7 +71,7 @@ def test_a_robot_has_one_driver(at: HubHarness) -> None:
     at.send(other, Drive(robot="/a", v=-0.2))
     at.spin(tell=True)
     assert -0.2 not in speeds(at)
-    assert "another page drives /a" in at.messages_to(other, "error")[0]["reason"]
+    assert "another page is driving /a" in at.messages_to(other, "error")[0]["reason"]
     at.send(one, Release())
     at.spin(tell=True)
     at.send(other, Drive(robot="/a", v=-0.2))

@@ -21,9 +21,9 @@ from messages.std import Float32, Header, Time, stamp_of
 from services.panel.address import Address, read_address, token_for, write_address
 from services.panel.channels import ProcessUsage
 from services.panel.clock import SimTimeMap
-from services.panel.fields import field_unit, list_fields, read_number
 from services.panel.graph import expected_rate
 from services.panel.pages import MAX_PACKETS, Page
+from services.panel.plots import field_unit, list_fields, read_number
 from services.panel.protocol import MAGIC, Samples, pack_samples
 from services.panel.server import listen
 from services.runtime.errors import BadInput

@@ -105,7 +105,7 @@ def test_there_is_room_for_so_many_and_the_dead_give_way(monkeypatch: pytest.Mon
         at.reset()
         at.server.announce(arm_announcement("/t/base", "/sim"))
         monkeypatch.setattr("services.params.server.MAX_BYTES", 100)
-        with pytest.raises(BadInput, match="100 is the most"):
+        with pytest.raises(BadInput, match="the limit is 100"):
             at.server.announce(arm_announcement("/t/base", "/sim", parameters=()))
 
 
@@ -150,7 +150,7 @@ def test_values_saved_under_ever_new_names_find_an_end(at: ServerHarness) -> Non
 
     for number in range(17):
         save(number)
-    with pytest.raises(BadInput, match=r"/texts would have 10\d{5} bytes in a message, 1048576 is the most"):
+    with pytest.raises(BadInput, match=r"/texts would have 10\d{5} bytes in a message, the limit is 1048576"):
         save(17)
 
 
@@ -163,7 +163,7 @@ def test_what_its_readers_would_refuse_is_not_set(at: ServerHarness) -> None:
             parameters=tuple(ParameterDescription(name=each, type="str", default="") for each in texts),
         )
     )
-    with pytest.raises(BadInput, match=r"/texts would have 12\d{5} bytes in a message, 1048576 is the most"):
+    with pytest.raises(BadInput, match=r"/texts would have 12\d{5} bytes in a message, the limit is 1048576"):
         at.server.set(SetParameters(set="/texts", values=assignments(**texts)))
     assert len(at.published) == 4
 

@@ -102,7 +102,7 @@ def test_json_keeps_types_order_and_numbers_that_are_none() -> None:
     again = ParameterTree.from_json(tree.to_json())
     assert [type(each) for each in again.get("/").values()] == [int, float, bool, str, float, float, str]
     assert list(again.get("/")) == ["b", "a", "t", "s", "far", "none", "é"]
-    for text, reason in (("[1]", "expected a map"), ("{", "no JSON"), ('{"a": null}', "/a: None")):
+    for text, reason in (("[1]", "expected a map"), ("{", "not JSON"), ('{"a": null}', "/a: None")):
         with pytest.raises(BadInput, match=reason):
             ParameterTree.from_json(text)
 
@@ -133,7 +133,7 @@ def test_the_service_answers_and_publishes_each_change_once() -> None:
         (lambda: server.get(RosparamGet(key="/dd")), "did you mean '/d'"),
         (lambda: server.delete(RosparamDelete(key="/a")), "no parameter /a"),
         (lambda: server.delete(RosparamDelete(key="/")), "root"),
-        (lambda: server.set(RosparamSet(key="/x", value="{")), "no JSON"),
+        (lambda: server.set(RosparamSet(key="/x", value="{")), "not JSON"),
         (lambda: server.set(asked("/", 3)), "root"),
         (lambda: server.set(asked("/x", None)), "None"),
     ):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import resource
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,12 +24,6 @@ from tests.services.params.parameter_client import (
 
 CLIENTS, EACH = 4, 250
 SET = "/robot_control"
-
-
-@pytest.fixture(scope="module")
-def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
-    with Network(tmp_path_factory.mktemp("logs")) as made:
-        yield made
 
 
 def test_1000_sets_of_four_clients_at_once_lose_none_and_end_in_one_state(network: Network, tmp_path: Path) -> None:

@@ -66,5 +66,5 @@ def test_a_file_that_is_none(tmp_path: Path) -> None:
 def test_a_pipe_is_no_file_and_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path, Path("/dev/zero")):
-        with pytest.raises(BadInput, match="cannot be read: it is no file"):
+        with pytest.raises(BadInput, match="cannot be read: it is not a file"):
             read_table(path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -18,12 +17,6 @@ from services.runtime.node import Node
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
 from tests.harness.processes import Network
-
-
-@pytest.fixture(scope="module")
-def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
-    with Network(tmp_path_factory.mktemp("logs")) as network:
-        yield network
 
 
 def transport(network: Network, role: Role = "direct", settle_s: float = 0.7) -> ZenohTransport:

@@ -6,6 +6,7 @@ import io
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from itertools import count
 from typing import Any
 
 import pytest
@@ -20,15 +21,18 @@ from services.runtime import pacing
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput, Stopped
 from services.runtime.fleet_instances import FleetInstance
+from services.runtime.graph import Entity
 from services.runtime.log import Log
-from services.runtime.pacing import ClockWatchdog
+from services.runtime.pacing import ClockPacer, ClockWatchdog, Instant
 from services.runtime.parameters.base import Parameters
+from services.runtime.subscriber import QUEUE_SIZE, Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
-from services.runtime.transport.wire import encoding, pack_attachment
+from services.runtime.transport.wire import encoding, pack_attachment, publisher_id
 from tests.harness.memory_node import ManualClock, memory_node
 from tests.harness.waiting import wait_until
 
 MS = 1_000_000
+PERIOD_NS = 40 * MS
 
 
 class OdometryPublisher:
@@ -318,3 +322,55 @@ def test_the_clock_of_a_stranger_is_in_the_health(bus: MemoryBus, clock: ManualC
             return [each for beat in beats for each in beat.inputs if each.topic == "pacing: /clock"]
 
         assert wait_until(heard)[0].refused > 0
+
+
+def test_another_clock_is_another_simulation_once_the_one_before_is_gone() -> None:
+    bus = MemoryBus()
+    outlet = MemoryTransport(bus).advertise(CLOCK.name[1:], encoding(Clock.ROS_TYPE), Quality.SENSOR)
+    with memory_node(bus, "listener") as listener:
+        pacer = ClockPacer(listener, PERIOD_NS)
+
+        def told(ns: int, simulation: MemoryTransport) -> Instant | None:
+            publisher = publisher_id("/sim", simulation.session, CLOCK.name[1:])
+            outlet.put(encode(Clock(clock=Time.of(ns))), attachment=pack_attachment(1, publisher))
+            return pacer.next()
+
+        old, new = MemoryTransport(bus), MemoryTransport(bus)
+        token = old.declare_token(Entity(old.session, "pub", "/sim", CLOCK.name, Clock.ROS_TYPE, "SENSOR").key)
+        first, second = told(0, old), told(PERIOD_NS, old)
+        assert first is not None
+        assert second is not None
+        assert second.simulation == first.simulation
+        assert told(2 * PERIOD_NS, new) is None, "two at a time: the first one tells it"
+        token.close()
+        third = told(2 * PERIOD_NS, new)
+        assert third is not None
+        assert third.simulation != second.simulation
+        fourth = told(3 * PERIOD_NS, new)
+        assert fourth is not None
+        assert fourth.simulation == third.simulation
+
+
+def test_an_input_gives_what_its_ring_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = Subscriber(CMD_VEL, "/cmd_vel", "cmd_vel", MemoryTransport(MemoryBus()))
+    numbers, sender = count(1), publisher_id("/a", "1", "cmd_vel")
+    payload = encode(Twist())
+    monkeypatch.setattr(source.raw, "key", lambda _: "cmd_vel")
+    monkeypatch.setattr(source.raw, "encoding", lambda _: "")
+    monkeypatch.setattr(source.raw, "recv", lambda: (payload, pack_attachment(next(numbers), sender), None))
+    source.update()
+    assert len(source.messages) == source.received == QUEUE_SIZE
+    source.update()
+    assert (source.received, source.lost) == (2 * QUEUE_SIZE, 0)
+
+
+def test_a_flood_of_clocks_gives_a_tick() -> None:
+    with memory_node(MemoryBus(), "a") as made:
+        pacer = ClockPacer(made, 20_000_000)
+        payload = encode(Clock())
+        pacer.raw.recv = lambda: (payload, b"", None)  # type: ignore[method-assign]
+        pacer.raw.key = lambda _: "clock"  # type: ignore[method-assign]
+        pacer.raw.encoding = lambda _: ""  # type: ignore[method-assign]
+        instant = pacer.next()
+    assert instant is not None
+    assert instant.time == 0

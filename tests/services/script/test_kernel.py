@@ -8,7 +8,7 @@ from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.script.api import Origin, ServiceRefused, ServiceUnavailable
-from services.script.testing import memory_kernel
+from tests.harness.memory_kernel import memory_kernel
 
 WITHIN_S = 20.0
 

@@ -11,7 +11,7 @@ from messages.base import decoder
 from messages.std import Float64
 from services.script.api import ServiceRefused, ServiceUnavailable, TimeMovedBackwards
 from services.script.kernel import ScriptKernel
-from services.script.turn_threading import queue_module, thread_module, threading_module
+from services.script.lockstep_threading import queue_module, thread_module, threading_module
 from tests.services.script.lockstep_scripts import Body, number, run_scripts
 
 MS = 1_000_000

@@ -11,7 +11,7 @@ from tests.harness.cases import case
 from tests.harness.processes import Process
 from tests.harness.waiting import wait_until
 
-HEAD = "from services.script.process import kernel\nk = kernel()\nk.start('/probe_{name}', '/', 'script')\n"
+HEAD = "from services.script.api import kernel\nk = kernel()\nk.start('/probe_{name}', '/', 'script')\n"
 HOOK = "k.on_shutdown(lambda: print('hook', k.shutting_down))\nprint('up')\n"
 
 ENDS = {

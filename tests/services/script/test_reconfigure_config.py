@@ -177,7 +177,7 @@ def test_what_is_wrong_is_said_with_file_and_line(tmp_path: Path) -> None:
         ),
         (head + "gen.add('x', int_t, 0, 'x', 1, 5, 2)", r"bad.cfg:3: ValueError: x: min 5 is above max 2"),
         (head + "gen.add('x', str_t, 0, 'x', 'a', max='b')", r"bad.cfg:3: .* x is a str, which takes no min and max"),
-        (head + "gen.add('2x', int_t, 0, 'x')", r"bad.cfg:3: .*'2x' is no name"),
+        (head + "gen.add('2x', int_t, 0, 'x')", r"bad.cfg:3: .*'2x' is not a valid parameter name"),
         (head + "gen.add('x', 'long', 0, 'x')", r"bad.cfg:3: .*expected str_t, bool_t, int_t or double_t"),
         (head + "gen.add('x', int_t, 0, 'x')\ngen.add('x', int_t, 0, 'x')", r"bad.cfg:4: .*added twice"),
         (head + "gen.enum([], 'none')", r"bad.cfg:3: .*different types, or there are none"),

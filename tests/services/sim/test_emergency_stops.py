@@ -82,7 +82,7 @@ def test_a_restart_keeps_them_and_the_holder_by_its_name(tmp_path: Path) -> None
 
     second = StopHarness(path, ())
     assert second.stops.all == first.stops.all
-    assert "emergency stops of before the restart hold on: a, all robots" in second.log
+    assert "emergency stops from before the restart still hold: a, all robots" in second.log
     second.say("/panel", False, session="restarted as well")
     second.stops.release(ALL_ROBOTS)
     second.stops.save()

@@ -69,7 +69,7 @@ def test_what_an_earlier_run_left_is_replaced(tmp_path: Path) -> None:
 def test_a_path_that_cannot_be_written_is_refused_with_its_name(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"cannot be written \(No such file.*\): choose another path with the parameter"):
         CsvLog(tmp_path / "missing" / "log.txt").__enter__()
-    with pytest.raises(BadInput, match="is no file: choose another path"):
+    with pytest.raises(BadInput, match="is not a file: choose another path"):
         CsvLog(tmp_path).__enter__()
 
 

@@ -69,7 +69,7 @@ def test_a_sliding_joint_goes_along_its_axis_and_a_turning_one_about_it() -> Non
         (robot_urdf(joint_urdf("j", "continuous", "a", "b", '<axis xyz="0 0 0"/>')), "axis is 0 0 0"),
         (
             robot_urdf(joint_urdf("j", "fixed", "a", "b"), joint_urdf("j", "fixed", "b", "c")),
-            "joint 'j' is there twice",
+            "joint 'j' occurs twice",
         ),
         (
             robot_urdf(joint_urdf("j", "fixed", "a", "c"), joint_urdf("k", "fixed", "b", "c")),

@@ -80,7 +80,7 @@ def test_keys_that_were_read_late_say_so(pseudo_terminal: tuple[int, int]) -> No
 def test_what_is_no_terminal_is_refused_with_what_to_do() -> None:
     read, write = os.pipe()
     try:
-        with pytest.raises(BadInput, match=r"standard input is no terminal.*--keys 'i@0.5-2'"):
+        with pytest.raises(BadInput, match=r"standard input is not a terminal.*--keys 'i@0.5-2'"):
             require_terminal(read)
     finally:
         os.close(read)

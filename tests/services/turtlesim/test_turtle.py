@@ -10,8 +10,8 @@ import pytest
 from messages.std import SECOND
 from messages.turtlesim import Color
 from services.runtime.errors import BadInput
+from services.turtlesim.drawing import MAX_POINTS, TOLERANCE_M, Trails
 from services.turtlesim.plane import Pen, Plane
-from services.turtlesim.trails import MAX_POINTS, TOLERANCE_M, Trails
 from services.turtlesim.turtle import PLANE_M, Turtle, Velocity
 
 BLUE, RED = Color(r=69, g=86, b=255), Color(r=255)

@@ -42,7 +42,7 @@ def test_a_server_and_its_clients(tmp_path: Path) -> None:
         server = Server(module, callback)
         assert levels == [~0]
         assert server.config.gain == 1.0, "launched with 7, clamped"
-        assert server.config["title"] == "Hello World", "a number is no text"
+        assert server.config["title"] == "Hello World", "a number is not a text"
         assert rospy.get_param("~") == {
             "gain": 1.0,
             "title": "Hello World",

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from services.script.process import kernel
+from services.script.api import kernel
 from tests.harness.ros1 import ros1_imports
 from tests.services.ros1.rospy.golden import check
 

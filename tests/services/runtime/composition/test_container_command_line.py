@@ -50,7 +50,7 @@ def test_bad_input_is_refused_with_its_place(tmp_path: Path) -> None:
         "waypoint --param laps=-1": f"{nodes}:1: --param: parameter laps = -1",
         "waypoint --nam x": f"{nodes}:1: waypoint: No such option '--nam'",
         "waypoint 'open": f'{nodes}:1: "waypoint \'open" is not a service with its options: No closing quotation',
-        "waypoint --print-config": f"{nodes}:1: waypoint is to run, not to be described",
+        "waypoint --print-config": f"{nodes}:1: waypoint must run: leave out the option that only describes it",
     }.items():
         nodes.write_text(lines)
         with pytest.raises(BadInput) as raised:

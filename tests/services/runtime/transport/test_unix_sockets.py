@@ -101,12 +101,12 @@ def test_a_folder_that_others_can_reach_is_refused_with_the_remedy(
         make_private(planted)
     planted.unlink()
     planted.touch()
-    with pytest.raises(BadInput, match="7447 is no folder"):
+    with pytest.raises(BadInput, match="7447 is not a folder"):
         make_private(planted)
     with pytest.raises(BadInput, match=r"cannot be read .*: is a fleet up"):
         make_private(folder / "nowhere" / "7447")
     with (
-        pytest.raises(BadInput, match="7447 is no folder"),
+        pytest.raises(BadInput, match="7447 is not a folder"),
         ZenohTransport(configuration("star", (router_in(planted),))),
     ):
         pass

@@ -168,7 +168,7 @@ def test_a_model_may_leave_its_wheels_to_the_urdf_and_nothing_to_a_fleet_s_part(
     assert wheels is not None
     assert (wheels.separation, wheels.radius) == pytest.approx((0.33, 0.0975))
     model = msgspec.structs.replace(read_model("p3dx"), drive={"noise": False})
-    with pytest.raises(BadInput, match=r"\[drive\]: noise is for a fleet to say"):
+    with pytest.raises(BadInput, match=r"\[drive\]: noise belongs in a fleet file"):
         effective_parameters("p3dx", model, base_parameters())
     with pytest.raises(BadInput, match=r"\[drive\]: unknown parameter 'brakes'; did you mean 'brake'"):
         effective_parameters("p3dx", msgspec.structs.replace(model, drive={"brakes": 1}), base_parameters())

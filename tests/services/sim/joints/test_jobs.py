@@ -92,7 +92,7 @@ def test_there_is_an_end_to_how_many_wait() -> None:
     jobs: JobQueue[float] = JobQueue()
     for number in range(MAX_JOBS):
         jobs.add(Job(float(number), 10**12 + number, inf))
-    with pytest.raises(BadInput, match=f"{MAX_JOBS} jobs are waiting or acting.*clear them first"):
+    with pytest.raises(BadInput, match=f"{MAX_JOBS} jobs are waiting or acting.*clear some first"):
         jobs.add(Job(0.0, 0, inf))
 
 

@@ -111,7 +111,7 @@ def test_an_emergency_stop_drops_all_efforts_until_it_is_reset() -> None:
         on.publish_effort(50.0)
         on.run(0.05)
         assert on.joint_properties().jobs == 0
-        with pytest.raises(CallFailed, match="arm is stopped: e_stop = false of each who stopped it resets it"):
+        with pytest.raises(CallFailed, match="arm is stopped: each publisher that stopped it must send e_stop = false"):
             on.call(APPLY_EFFORT, ApplyEffort(job=JointEffort(joint_name="bear_link", effort=1.0)))
         on.publish(E_STOP, Bool(data=False), robot="")
         on.run(0.01)

@@ -15,7 +15,7 @@ from messages.errors import BadInput
 from messages.se3 import Pose3
 from messages.visualization import Marker, MarkerArray
 from models.mesh import Mesh, hull_points, read_mesh
-from services.driving.footprint import (
+from services.markers.footprint import (
     Footprint,
     box_footprint,
     cylinder_footprint,
@@ -113,7 +113,7 @@ def marker_triangles(marker: Marker) -> Floats:
     elif marker.type != Marker.TRIANGLE_LIST:
         raise BadInput(f"the marker {name!r} has the type {marker.type}, which is not known here")
     elif not marker.points or len(marker.points) % 3:
-        raise BadInput(f"the marker {name!r} has {len(marker.points)} points, which are no triangles")
+        raise BadInput(f"the marker {name!r} has {len(marker.points)} points, not three for each triangle")
     else:
         triangles = np.array([(each.x, each.y, each.z) for each in marker.points]).reshape(-1, 3, 3)
     scaled: Floats = triangles * (marker.scale.x, marker.scale.y, marker.scale.z)
@@ -121,10 +121,10 @@ def marker_triangles(marker: Marker) -> Floats:
 
 
 def _mesh_path(resource: str) -> Path:
-    """The file of a marker's mesh; raises BadInput for what is no file of this machine."""
+    """The file of a marker's mesh; raises BadInput for what is not a file of this machine."""
     url = urlsplit(resource)
     if url.scheme not in ("", "file") or url.netloc not in ("", "localhost"):
-        raise BadInput(f"the mesh {resource[:200]!r} is no file of this machine")
+        raise BadInput(f"the mesh {resource[:200]!r} is not a file of this machine")
     return Path(unquote(url.path))
 
 

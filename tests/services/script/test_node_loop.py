@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from services.script.own_time import OwnTime, run_delay
+from services.script.node_loop import OwnTime, run_delay
 
 
 def test_time_in_which_others_had_the_processor_does_not_count() -> None:

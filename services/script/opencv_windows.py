@@ -14,7 +14,7 @@ _SILENT = (
     "namedWindow moveWindow resizeWindow destroyWindow destroyAllWindows setWindowTitle setWindowProperty "
     "startWindowThread setMouseCallback createTrackbar setTrackbarPos setTrackbarMin setTrackbarMax"
 )
-"""Functions of windows that return nothing worth having."""
+"""Functions of windows without a meaningful result."""
 
 
 def has_windows(cv2: ModuleType, environment: Mapping[str, str]) -> bool:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.script.api import set_kernel
 from services.script.kernel import KernelOptions, ScriptKernel
-from services.script.process import set_kernel
 
 
 @contextmanager

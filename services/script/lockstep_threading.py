@@ -235,7 +235,7 @@ def thread_module(threading: ModuleType) -> ModuleType:
 
 
 def queue_module(threading: ModuleType, time: ModuleType, import_module: Callable[..., Any]) -> ModuleType:
-    """The module ``queue``, made anew of Python's own source on these modules."""
+    """The module ``queue``, built again from Python's own source on these modules."""
     spec = importlib.util.find_spec("queue")
     assert spec is not None
     assert spec.origin is not None

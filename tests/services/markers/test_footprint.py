@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from messages.se3 import Pose3, quaternion_from_rpy, rotated_axes
-from services.driving.footprint import (
+from services.markers.footprint import (
     Footprint,
     NearestBody,
     box_footprint,

@@ -1,4 +1,4 @@
-"""What is drawn of a message: markers, as which the viewer and the panel show paths, poses, maps and scans as well."""
+"""Messages as markers: how the viewer and the panel draw paths, poses, maps and scans."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from messages.sensor import LaserScan
 from messages.std import ColorRGBA, Header
 from messages.visualization import Marker, MarkerArray
 from models.floor_plan import rectangles
-from services.driving.laser import scan_points
 
 ARROW_LENGTH_M, ARROW_WIDTH_M = 0.4, 0.05
 LINE_WIDTH_M = 0.03
@@ -146,6 +145,15 @@ def _oriented(marker: Marker) -> Marker:
     if math.hypot(q.x, q.y, q.z, q.w) > UNSET:
         return marker
     return replace(marker, pose=Pose(position=marker.pose.position))
+
+
+def scan_points(scan: LaserScan) -> NDArray[np.float64]:
+    """The echoes of a scan, (n, 3) [m] in the laser's frame; rays without an echo are left out."""
+    ranges = scan.ranges.numpy().astype(np.float64)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
+    near, turn = ranges[seen], angles[seen]
+    return np.column_stack((near * np.cos(turn), near * np.sin(turn), np.zeros(len(near))))
 
 
 class MarkerSet:

@@ -6,8 +6,8 @@ import queue
 import threading
 
 from services.script.kernel import ScriptKernel
-from services.script.ros_wait import wait_for
-from services.script.testing import memory_kernel
+from services.script.waits import wait_for
+from tests.harness.memory_kernel import memory_kernel
 
 S = 10**9
 PATIENCE_S = 10.0

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from services.script.budget import BUDGET, CALL
-from services.script.gazebo_calls import GazeboCalls
+from services.script.budget import BUDGET, CALL, GazeboCalls
 
 GET, SET = "/gazebo/get_joint_properties", "/gazebo/apply_joint_effort"
 

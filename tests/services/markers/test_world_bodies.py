@@ -13,8 +13,8 @@ from messages.geometry import Point, Pose, Vector3
 from messages.se3 import Pose3
 from messages.visualization import Marker, MarkerArray
 from models.mesh import Mesh, write_stl
-from services.driving.footprint import NearestBody
-from services.driving.world_bodies import WorldBody, world_bodies
+from services.markers.footprint import NearestBody
+from services.markers.world_bodies import WorldBody, world_bodies
 
 SQUARE = ((0, 1, 2), (0, 2, 3))
 
@@ -87,7 +87,7 @@ def test_what_cannot_be_drawn_says_why(tmp_path: Path) -> None:
         (Marker(ns="fixed", text="few", type=Marker.TRIANGLE_LIST, points=(Point(),) * 4), "4 points"),
         (
             Marker(ns="fixed", text="web", type=Marker.MESH_RESOURCE, mesh_resource="https://a.b/c.stl"),
-            "no file of this",
+            "not a file of this",
         ),
         (Marker(ns="fixed", text="none", type=Marker.MESH_RESOURCE, mesh_resource=f"file://{tmp_path}/x.stl"), "x.stl"),
     ):
