@@ -27,6 +27,9 @@ KILL_TIMEOUT_S = 2.0
 """Wall time in which the end after SIGKILL must be seen: a process that hangs in the kernel, as on a dead NFS server,
 is left to it, and the end of the fleet does not wait."""
 
+ENDING_S = 2.0
+"""Wall time that a process has to end by itself when it is asked to end and all its nodes have ended already."""
+
 TaskFunction = Callable[[], Coroutine[Any, Any, None]]
 StartTask = Callable[[TaskFunction, str], asyncio.Task[None]]
 """Starts a task by name among those of the supervisor."""
@@ -159,14 +162,23 @@ class ManagedProcess:
             self._child.signal(signal.SIGKILL)
 
     async def stop(self, stop_timeouts: Sequence[float] = STOP_TIMEOUTS_S) -> None:
-        """End it by SIGINT, SIGTERM and SIGKILL in turn, and keep it ended."""
+        """End it by SIGINT, SIGTERM and SIGKILL in turn, and keep it ended.
+
+        One whose nodes have all ended is about to end by itself: how it does counts as if nobody had asked it to.
+        """
         async with self._stop_lock:
             if self._task is not None:
                 self._task.cancel()
                 await asyncio.wait([self._task])
             self.ready.clear()
             child = self._child
-            if child is not None and child.status is None:
+            if child is not None and self.state == "ready" and await self._ends_by_itself(child):
+                how, said = self._note_end(child.status or 0)
+                if child.status:
+                    self._set_state("failed", f"{how}: {said}" if said and child.status > 0 else how)
+                else:
+                    self._set_state("finished", how)
+            elif child is not None and child.status is None:
                 was_ready = self.state == "ready"
                 self._set_state("stopping")
                 for number, seconds in zip((signal.SIGINT, signal.SIGTERM), stop_timeouts, strict=True):
@@ -183,6 +195,19 @@ class ManagedProcess:
                 self.failed_on_stop = was_ready and child.status in _ERROR_STATUSES
             if self.state not in ("finished", "failed"):
                 self._set_state("stopped")
+
+    async def _ends_by_itself(self, child: ChildProcess) -> bool:
+        """Whether a process that nobody has asked to end has ended, or does so in ENDING_S as its nodes have."""
+        return child.status is not None or (not self._heartbeats and await child.wait_for(ENDING_S))
+
+    def _note_end(self, status: int) -> tuple[str, str]:
+        """Note how the process has ended by itself, or for its silence; returns that, and the last line of its log."""
+        how = self._hang_reason or describe_exit(status)
+        said = last_line(self._spawner.log_path(self.spec.name))
+        self.failed = self.failed or (status != 0 and not self._hang_reason)
+        if status or self._hang_reason:
+            self.losses.append(f"{how}: {said}" if said and status > 0 else how)
+        return how, said
 
     def state_message(self) -> ProcessState:
         """The state as it is published."""
@@ -203,12 +228,8 @@ class ManagedProcess:
             for need in self._dependencies:
                 await need.ready.wait()
             status = await self._run_once()
-            how = self._hang_reason or describe_exit(status)
-            said = last_line(self._spawner.log_path(self.spec.name))
+            how, said = self._note_end(status)
             now, chance = time.monotonic(), self._rng.random()
-            self.failed = self.failed or (status != 0 and not self._hang_reason)
-            if status or self._hang_reason:
-                self.losses.append(f"{how}: {said}" if said and status > 0 else how)
             match decide_after_exit(self.spec.policy, self.restarts, now, status, chance, said):
                 case Finished():
                     return self._set_state("finished", how)

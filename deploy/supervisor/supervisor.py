@@ -144,7 +144,6 @@ class Supervisor:
                 self._start(life)
             ended, reason = await self._end
             wall = time.monotonic() - self._clock_start
-            failed = tuple(name for life in self.processes.values() if life.failed for name in life.spec.names)
             await self._stop_all()
         finally:
             self.kill_all()
@@ -160,7 +159,7 @@ class Supervisor:
             wall_seconds=wall,
             restarts=restarts,
             failed_on_stop=complaints,
-            failed_nodes=failed,
+            failed_nodes=tuple(name for life in self.processes.values() if life.failed for name in life.spec.names),
             containers_lost=tuple(
                 f"the process {name} of {', '.join(life.spec.names)} has ended: {why}"
                 for name, life in self.processes.items()

@@ -32,6 +32,10 @@ ASK_S = 10.0
 AGAIN_S = 0.2, 1.0, 4.0
 """Wall time [s] after which a publisher is asked again from which nothing came at all: it has sent nothing yet, or its
 token came before the way to it was known, as while two peers that met through a router are being linked."""
+RELEASE_S = 0.2
+"""Wall time [s] for which an answered question is kept. Whoever lets go of it last sends the end of the answer. If that
+is the thread that receives, because it was still on its way back from handing the question over, then it waits for room
+on a link that the answers have filled, and reads nothing meanwhile: where both sides did, nothing arrived for 30 s."""
 RECENT = 64
 """Samples by which one that arrives on both ways, sent and fetched, is recognized; of one answer, no more are taken."""
 
@@ -46,8 +50,8 @@ class LatchedPublisher:
 
     has_subscribers = True
 
-    def __init__(self, publisher: Any, session: Any, number: int, run: Run) -> None:
-        self._publisher, self._session, self._run = publisher, session, run
+    def __init__(self, publisher: Any, session: Any, number: int, run: Run, run_later: RunLater) -> None:
+        self._publisher, self._session, self._run, self._run_later = publisher, session, run, run_later
         self._last: dict[str, Any] = {}
         key = f"{publisher.key_expr}/{_KEPT}/{session.zid()}/uhlc/{number}"
         self._answers = session.declare_queryable(key, Callback(self._on_query, indirect=False))
@@ -69,9 +73,9 @@ class LatchedPublisher:
         self._run(lambda: self._answer(query))
 
     def _answer(self, query: Any) -> None:
-        with query:
-            if self._last:
-                query.reply(self._publisher.key_expr, **self._last, encoding=self._publisher.encoding)
+        if self._last:
+            query.reply(self._publisher.key_expr, **self._last, encoding=self._publisher.encoding)
+        self._run_later(RELEASE_S, query.drop)
 
 
 class LatchedPast:
@@ -203,7 +207,7 @@ class Latching:
     def publisher(self, publisher: Any) -> LatchedPublisher:
         """Let a publication keep its last sample."""
         self._start()
-        return LatchedPublisher(publisher, self._session, next(self._numbers), self._work.put)
+        return LatchedPublisher(publisher, self._session, next(self._numbers), self._work.put, self._run_later)
 
     def past(self) -> LatchedPast:
         """The past of a new subscription."""

@@ -78,7 +78,7 @@ def test_echo_of_unknown_types_and_foreign_senders(running: BackgroundFleet) -> 
             "grid": [[0, 1], [2, 3]],
         }
         assert "unknown type lab_msgs/Weather" in ended.err
-        assert "a foreign sender" in ended.err
+        assert "an external program publishes here" in ended.err
         assert (
             "unknown field 'hail'"
             in running.run("topic", "echo", "--once", "lab/weather", "--field", "hail", status=2).err

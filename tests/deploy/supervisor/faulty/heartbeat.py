@@ -18,9 +18,9 @@ def start() -> None:
     die_with_parent()
 
 
-def send_heartbeat() -> None:
+def send_heartbeat(state: str = "running") -> None:
     """One heartbeat; appends of a line are whole."""
-    line = json.dumps({"node": node(), "pid": os.getpid()}) + "\n"
+    line = json.dumps({"node": node(), "pid": os.getpid(), "state": state}) + "\n"
     descriptor = os.open("beats", os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     os.write(descriptor, line.encode())
     os.close(descriptor)

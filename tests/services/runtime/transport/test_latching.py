@@ -7,16 +7,17 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import psutil
 import pytest
 import zenoh
+from zenoh.handlers import Callback
 
 from messages.topics import Quality
 from services.runtime.process import PARENT, ROOT
-from services.runtime.transport.latching import RECENT
+from services.runtime.transport.latching import RECENT, RELEASE_S, LatchedPublisher
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
@@ -102,6 +103,43 @@ def test_two_peers_with_much_for_each_other_ask_at_once(router: str) -> None:
 
         wait_until(complete, 20.0, "their samples")
         assert [_said(other), _said(other)] == ["asked", "complete"]
+
+
+def test_a_question_is_kept_after_its_answer(router: str) -> None:
+    """Whoever lets go of it last sends the end of the answer, and must not be the thread that receives."""
+    later: list[tuple[float, Callable[[], None]]] = []
+    ended = threading.Event()
+    answers: list[bytes] = []
+
+    def on_reply(reply: zenoh.Reply) -> None:
+        assert reply.ok is not None
+        answers.append(reply.ok.payload.to_bytes())
+
+    with external_client(router) as session, external_client(router) as other:
+        publisher = LatchedPublisher(
+            session.declare_publisher("theirs"),
+            session,
+            0,
+            lambda work: work(),
+            lambda seconds, work: later.append((seconds, work)),
+        )
+        publisher.put(b"kept", attachment=b"")
+        wait_until(lambda: list(other.liveliness().get("theirs/@adv/**", timeout=1.0)), 20.0, "the token")
+        other.get(
+            "theirs/@adv/**",
+            Callback(on_reply, ended.set),
+            timeout=30.0,
+            accept_replies=zenoh.ReplyKeyExpr.ANY,
+            consolidation=zenoh.ConsolidationMode.NONE,  # others wait for the end
+        )
+        wait_until(lambda: answers, 20.0, "the answer")
+        assert answers == [b"kept"]
+        assert not ended.is_set()
+        ((seconds, release),) = later
+        assert seconds == RELEASE_S
+        release()
+        assert ended.wait(20.0)
+        publisher.close()
 
 
 def test_a_publisher_is_asked_again_whose_token_came_before_the_way_to_it(router: str) -> None:
