@@ -67,15 +67,16 @@ def test_required_process_that_fails_ends_the_fleet(tmp_path: Path) -> None:
     assert stage.states("a")[-1] == "stopped"
 
 
+async def its_node_has_ended(supervisor: Supervisor) -> None:
+    """Wait until the only node of the process ``c`` has said that it ends."""
+    await wait_all_ready(supervisor)
+    await wait_until(lambda: supervisor.processes["c"].activity == "stopping")
+
+
 def test_a_process_that_is_about_to_crash_has_crashed_though_its_fleet_ends(tmp_path: Path) -> None:
     """Its traceback takes a while; a run in lockstep may be over within that."""
     stage = SupervisorHarness(tmp_path)
-
-    async def all_nodes_ended(supervisor: Supervisor) -> None:
-        await wait_all_ready(supervisor)
-        await wait_until(lambda: supervisor.processes["c"].activity == "stopping")
-
-    outcome = stage.run(all_nodes_ended, faulty_process("end_slowly", "/c", "0.5"), faulty_process("good", "/a"))
+    outcome = stage.run(its_node_has_ended, faulty_process("end_slowly", "/c", "0.5"), faulty_process("good", "/a"))
     assert outcome.failed_nodes == ("/c",)
     assert stage.states("c")[-1] == "failed"
     assert stage.states("a")[-1] == "stopped"
@@ -83,12 +84,7 @@ def test_a_process_that_is_about_to_crash_has_crashed_though_its_fleet_ends(tmp_
 
 def test_a_process_whose_node_has_ended_and_that_does_not_end_is_asked_to(tmp_path: Path) -> None:
     stage = SupervisorHarness(tmp_path)
-
-    async def all_nodes_ended(supervisor: Supervisor) -> None:
-        await wait_all_ready(supervisor)
-        await wait_until(lambda: supervisor.processes["c"].activity == "stopping")
-
-    outcome = stage.run(all_nodes_ended, faulty_process("end_slowly", "/c", "60"))
+    outcome = stage.run(its_node_has_ended, faulty_process("end_slowly", "/c", "60"))
     assert outcome.failed_nodes == ()
     assert stage.states("c")[-2:] == ["stopping", "stopped"]
 
