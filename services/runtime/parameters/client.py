@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.names import key as key_of
 from messages.parameters import Announcement, Assignment, ParameterDescription, ParameterValues, UndoParameters
 from messages.requests import PARAMS_ANNOUNCE, PARAMS_UNDO, Refusal, Request
-from services.runtime.errors import CallFailed, NoAnswer
+from services.runtime.errors import CallFailed, NoAnswer, TryAgain
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
@@ -26,7 +26,7 @@ R = TypeVar("R", bound=Message)
 TRY_TIMEOUT_S = 2.0
 """Wall time that one attempt waits for its answer."""
 LAST_TRY_S = 1.0
-"""Wall time [s] to wait for a server of the request."""
+"""Wall time [s] to wait for a server of the request, where the network says that there is none."""
 _PAUSE_S = 0.1
 _read_refusal = decoder(Refusal)
 
@@ -52,11 +52,10 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
                 f"{request.name} did not answer within {timeout:g} s: "
                 f"it is unknown whether the request was carried out{failure}"
             )
-        if not sent and not transport.tokens(token_pattern("srv", "*", request.name)):
-            if time.monotonic() - began > min(timeout, LAST_TRY_S):
-                raise CallFailed(
-                    f"no server for {request.name}, nothing was sent: is the process that provides it running?"
-                )
+        if not sent and (absence := _look_for_server(transport, request)):
+            waited = time.monotonic() - began
+            if waited > min(timeout, LAST_TRY_S if absence.certain else timeout):
+                raise CallFailed(absence.reason)
             time.sleep(_PAUSE_S)
             continue
         sent = True
@@ -70,6 +69,28 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
                     raise CallFailed(reason)
                 failure = f"; the last answer: {reason}"
         time.sleep(_PAUSE_S)
+
+
+class _Absence(NamedTuple):
+    """No server of a request is visible; ``certain`` if the network has named all that are there."""
+
+    reason: str
+    certain: bool
+
+
+def _look_for_server(transport: Transport, request: Request[Any, Any]) -> _Absence | None:
+    """None if a server of the request is visible. A machine that is too busy to say who is there does not count as one
+    without a server.
+    """
+    pattern = token_pattern("srv", "*", request.name)
+    try:
+        if transport.tokens(pattern) or transport.all_tokens(pattern):
+            return None
+    except TryAgain as error:
+        return _Absence(f"{request.name} cannot be found, nothing was sent: {error}", False)
+    return _Absence(
+        f"no server for {request.name}, nothing was sent: is the process that provides it running?", True
+    )
 
 
 def _decode_reply(request: Request[Q, R], payload: bytes) -> R:

@@ -112,6 +112,16 @@ def test_a_stall_does_not_spoil_what_was_learned() -> None:
     assert let_go == []
 
 
+def test_a_late_repeat_is_not_taken_for_the_delay() -> None:
+    """The second repeat comes 0.085 s late; the gap before it is not the keyboard's delay."""
+    man, _ = timeouts(FRESH, key_repeat(0.0, 2.0, 0.5, 0.03))
+    whole = key_repeat(10.0, 2.0, 0.5, 0.03)
+    man, let_go = timeouts(reset(man), [*whole[:2], whole[1] + 0.115, *(each for each in whole if each > 10.64)])
+    assert let_go == []
+    _, let_go = timeouts(reset(man), key_repeat(20.0, 2.0, 0.5, 0.03))
+    assert let_go == []
+
+
 def test_a_repeat_that_is_read_late_is_a_repeat_all_the_same() -> None:
     """The reader was held up for 0.15 s; the key was let go meanwhile, after one more repeat."""
     man, _ = timeouts(FRESH, key_repeat(0.0, 1.0, 0.5, 0.03))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +19,9 @@ from services.runtime.graph import Entity
 from services.runtime.parameters.client import OutcomeUnknown, call_idempotent
 from services.runtime.transport.api import Query
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.processes import Network
 
 Answer = Callable[[Query], None]
 
@@ -105,3 +111,20 @@ def test_with_nobody_there_it_was_certainly_not_carried_out(bus: MemoryBus) -> N
         with pytest.raises(CallFailed, match="no server for /sim/step, nothing was sent") as caught:
             call_idempotent(me, STEP, Steps(), timeout=0.2)
         assert not isinstance(caught.value, OutcomeUnknown)
+
+
+def test_a_network_that_is_too_busy_to_say_who_is_there_is_asked_again(tmp_path: Path) -> None:
+    with (
+        Network(tmp_path) as network,
+        ZenohTransport(configuration("star", (network.endpoint,), reliable=True)) as transport,
+    ):
+        network.router.signal(signal.SIGSTOP)
+        began = time.monotonic()
+        try:
+            with pytest.raises(CallFailed, match="/sim/step cannot be found, nothing was sent: the network has not"):
+                call_idempotent(transport, STEP, Steps(), 1.5)
+        finally:
+            network.router.signal(signal.SIGCONT)
+        assert time.monotonic() - began >= 1.5
+        with pytest.raises(CallFailed, match="no server for /sim/step, nothing was sent: is the process"):
+            call_idempotent(transport, STEP, Steps(), 60.0)
