@@ -510,7 +510,9 @@ class ZenohTransport:
         replies = [*self._zenoh.liveliness().get(pattern, FifoChannel(_MOST_TOKENS), timeout=timeout)]
         found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         late = any(reply.err is not None and reply.err.payload.to_bytes() == TIMEOUT for reply in replies)
-        return sorted(found | self._census.matching(pattern)), not late
+        # A client whose router has gone quiet is answered at once, with nothing.
+        unlinked = self._configuration["mode"] == "client" and not self._zenoh.info.routers_zid()
+        return sorted(found | self._census.matching(pattern)), not (late or unlinked)
 
     def watch(self, pattern: str) -> ZenohTokenWatch:
         watch = ZenohTokenWatch(lambda: self.tokens(pattern))

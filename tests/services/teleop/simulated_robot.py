@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import dropwhile
 from pathlib import Path
 
 from messages.elea import BaseStatus
@@ -94,8 +95,12 @@ def teleop_terminal(drive: SimulatedRobot, *options: str) -> Iterator[PseudoTerm
 
 
 def moved_smoothly(drive: SimulatedRobot, strokes: KeyEvents) -> bool:
-    """Whether the robot, once at speed, kept it until the last event, and no zero was sent between."""
+    """Whether the robot, once at speed, kept it until the last event, and no zero was sent once it drove.
+
+    A zero of the hold before may be sent just after the first event is typed.
+    """
     first, last = strokes.times[0], strokes.times[-1]
     speeds = [each.speed for each in drive.samples_between(first, last)]
     at_speed = next(index for index, speed in enumerate(speeds) if speed > 0.95 * MAX_SPEED)
-    return min(speeds[at_speed:]) > 0.95 * MAX_SPEED and all(each.moves for each in drive.commands_between(first, last))
+    commands = dropwhile(lambda each: not each.moves, drive.commands_between(first, last))
+    return min(speeds[at_speed:]) > 0.95 * MAX_SPEED and all(each.moves for each in commands)
