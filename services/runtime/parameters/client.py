@@ -88,9 +88,7 @@ def _look_for_server(transport: Transport, request: Request[Any, Any]) -> _Absen
             return None
     except TryAgain as error:
         return _Absence(f"{request.name} cannot be found, nothing was sent: {error}", False)
-    return _Absence(
-        f"no server for {request.name}, nothing was sent: is the process that provides it running?", True
-    )
+    return _Absence(f"no server for {request.name}, nothing was sent: is the process that provides it running?", True)
 
 
 def _decode_reply(request: Request[Q, R], payload: bytes) -> R:
