@@ -232,9 +232,9 @@ def _resolve_robots(fleet: Fleet, source: TomlSource) -> Fleet:
     """The fleet with the files of its robots made, and the folders of packages found; raises BadInput."""
     folder = Path(fleet.folder)
     packages = tuple((folder / os.path.expanduser(each)).resolve() for each in fleet.run.packages)
-    for said, found in zip(fleet.run.packages, packages, strict=True):
+    for given, found in zip(fleet.run.packages, packages, strict=True):
         if not found.is_dir():
-            raise BadInput(f"{source.location('run', 'packages')}: packages: there is no folder {said!r} ({found})")
+            raise BadInput(f"{source.location('run', 'packages')}: packages: there is no folder {given!r} ({found})")
     robots = []
     for index, robot in enumerate(fleet.robot):
         try:

@@ -76,8 +76,8 @@ class Friction:
     @property
     def coefficient(self) -> float | None:
         """The one that the engine has: the smaller of the two."""
-        said = [each for each in (self.mu1, self.mu2) if each is not None]
-        return min(said) if said else None
+        given = [each for each in (self.mu1, self.mu2) if each is not None]
+        return min(given) if given else None
 
 
 @dataclass(frozen=True)
@@ -320,9 +320,9 @@ class _Reader:
     def _diff_drive(self, plugin: UrdfElement, _: str) -> None:
         self._wheel_drive(plugin, self._joints(plugin, "left_joint"), self._joints(plugin, "right_joint"))
         sources = {"0": "encoder", "1": "world", "encoder": "encoder", "world": "world"}
-        said = self._text(plugin, "odometry_source")
-        if said:
-            self._found["odometry"] = sources.get(said, "encoder")
+        source = self._text(plugin, "odometry_source")
+        if source:
+            self._found["odometry"] = sources.get(source, "encoder")
         self._odometry(plugin)
         self._name_rest(plugin)
 
@@ -724,12 +724,12 @@ class _Reader:
                 yield Transmission(joint.get("name", ""), (joint.get("name", ""),), tuple(_interfaces(names)))
 
     def _topic(self, ours: str, plugin: UrdfElement, *names: str, remapped: str) -> None:
-        said = self._text(plugin, *names)
+        name = self._text(plugin, *names)
         for source, topic in _remaps(plugin):
             if source in (remapped, ours, f"~/{ours}"):
-                said = topic
-        if said:
-            self._alias(ours, said)
+                name = topic
+        if name:
+            self._alias(ours, name)
 
     def _alias(self, ours: str, topic: str) -> None:
         topic = re.sub("/+", "/", topic.strip().removeprefix("~")).strip("/")

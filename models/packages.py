@@ -43,15 +43,15 @@ class FileAccess:
     folders: tuple[Path, ...] | None = None
     run_xacro: bool = True
 
-    def check(self, path: Path, said: str) -> None:
-        """Raise FileNotAllowed for a file outside; ``said`` is how it was named."""
+    def check(self, path: Path, uri: str) -> None:
+        """Raise FileNotAllowed for a file outside; ``uri`` is how it was named."""
         if self.folders is None:
             return
         real = Path(os.path.realpath(path))
         if not any(real.is_relative_to(os.path.realpath(each)) for each in self.folders):
             known = ", ".join(map(str, self.folders)) or "none"
             raise FileNotAllowed(
-                f"{said} lies outside the folders from which a request may take files ({known}): put it there, add "
+                f"{uri} lies outside the folders from which a request may take files ({known}): put it there, add "
                 "the folder to packages in [run] of the fleet file, or spawn it with ./elea sim spawn"
             )
 
@@ -138,15 +138,15 @@ def package_name(folder: Path) -> str:
     return found[1].decode("utf-8", "replace") if found else ""
 
 
-def find_file(said: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path:
-    """The file that ``source`` names as ``said``; raises FileNotAllowed for what it may not name.
+def find_file(uri: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path:
+    """The file that ``source`` names as ``uri``; raises FileNotAllowed for what it may not name.
 
     Whether it exists is not looked at. A file of a package must lie in it, links followed: a link may lead to another
     copy of the same package, as a workspace that was built with links has it.
     """
-    scheme, colon, rest = said.partition("://")
+    scheme, colon, rest = uri.partition("://")
     if not colon:
-        path = (source.parent / os.path.expanduser(said)) if access.folders is None else source.parent / said
+        path = (source.parent / os.path.expanduser(uri)) if access.folders is None else source.parent / uri
     elif scheme == "file":
         path = Path(rest)
         if not path.is_absolute():
@@ -155,14 +155,14 @@ def find_file(said: str, source: Path, packages: PackagePath, access: FileAccess
         name, _, inner = rest.partition("/")
         folder = packages.find(name, source, scheme)
         path = folder / inner.lstrip("/")
-        _check_inside(path, folder, name, said)
+        _check_inside(path, folder, name, uri)
     else:
-        raise FileNotAllowed(f"{said[:200]!r}: files are named by package://, model://, file:// or a path")
-    access.check(path, said)
+        raise FileNotAllowed(f"{uri[:200]!r}: files are named by package://, model://, file:// or a path")
+    access.check(path, uri)
     return Path(os.path.abspath(path))
 
 
-def _check_inside(path: Path, folder: Path, name: str, said: str) -> None:
+def _check_inside(path: Path, folder: Path, name: str, uri: str) -> None:
     real = Path(os.path.realpath(path))
     if real.is_relative_to(os.path.realpath(folder)) and Path(os.path.abspath(path)).is_relative_to(
         os.path.abspath(folder)
@@ -172,7 +172,7 @@ def _check_inside(path: Path, folder: Path, name: str, said: str) -> None:
         package_name(each) == name for each in real.parents
     ):
         return
-    raise FileNotAllowed(f"{said[:200]} leads out of the package {name}, to {real}")
+    raise FileNotAllowed(f"{uri[:200]} leads out of the package {name}, to {real}")
 
 
 def _packages_below(folder: Path, name: str) -> Iterator[Path]:

@@ -50,23 +50,23 @@ class _NamedFiles:
         """By what the URDF calls them."""
         self.hashes = hashlib.sha256()
 
-    def read(self, said: str) -> Mesh:
+    def read(self, uri: str) -> Mesh:
         """The mesh that the URDF names; raises BadInput."""
-        file = self._find(said)
+        file = self._find(uri)
         if file not in self._meshes:
             if not file.exists():
-                raise BadInput(f"the mesh {said} is missing: there is no {file}")
+                raise BadInput(f"the mesh {uri} is missing: there is no {file}")
             if len(self._meshes) >= MAX_MESHES:
                 raise BadInput(f"the robot has more than {MAX_MESHES} meshes")
             self._add(file, read_mesh(file))
         return self._meshes[file]
 
-    def _find(self, said: str) -> Path:
-        if said not in self.found:
-            if self._path is None and "://" not in said and not os.path.isabs(said):
-                raise BadInput(f"mesh {said!r}: a URDF without a file names its meshes by package:// or file://")
-            self.found[said] = find_file(said, self._source, self._packages, self._access)
-        return self.found[said]
+    def _find(self, uri: str) -> Path:
+        if uri not in self.found:
+            if self._path is None and "://" not in uri and not os.path.isabs(uri):
+                raise BadInput(f"mesh {uri!r}: a URDF without a file names its meshes by package:// or file://")
+            self.found[uri] = find_file(uri, self._source, self._packages, self._access)
+        return self.found[uri]
 
     def _add(self, file: Path, mesh: Mesh) -> None:
         self._meshes[file] = mesh
@@ -113,7 +113,7 @@ def make_robot(
         shapes = read_shapes(robot, files.read, faults)
         mended = mend_inertias(description, shapes)
     name = re.sub(r"[^A-Za-z0-9_.]+", "_", name or description.name).strip("_.")[:60] or "robot"
-    resolved = _with_paths(urdf, {said: f"file://{file}" for said, file in files.found.items()})
+    resolved = _with_paths(urdf, {uri: f"file://{file}" for uri, file in files.found.items()})
     toml = read_limited(config, MAX_MODEL_TOML, "a model.toml") if config is not None else b""
     files.hashes.update("\0".join((FORMAT, resolved, str(path), *(faults or ()), "")).encode() + toml)
     folder = robots_folder() / f"{name}-{files.hashes.hexdigest()[:16]}"
@@ -141,7 +141,7 @@ def make_robot(
         physics, assumed = physics_urdf(held, shapes, mended.inertias, contacts, written)
         fit = fit_urdf(physics, held, shapes, tags.friction, driven)
         viewer = viewer_urdf(held, shapes, files.found, written)
-        viewer = _with_paths(viewer, {said: str(file) for said, file in files.found.items()})
+        viewer = _with_paths(viewer, {uri: str(file) for uri, file in files.found.items()})
         for file, text in (("robot.urdf", own), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:
@@ -208,8 +208,8 @@ def _with_paths(urdf: str, paths: Mapping[str, str]) -> str:
     """The text with other names of files, line by line as it was, and declared as what it is written in."""
 
     def renamed(found: re.Match[str]) -> str:
-        said = html.unescape(found[3] if found[3] is not None else found[4])
-        return f"{found[1]}{quoteattr(paths[said])}" if said in paths else found[0]
+        uri = html.unescape(found[3] if found[3] is not None else found[4])
+        return f"{found[1]}{quoteattr(paths[uri])}" if uri in paths else found[0]
 
     declared = re.sub(r"(<\?xml[^>]*\bencoding\s*=\s*[\"'])[\w.-]+", r"\1utf-8", urdf, count=1)
     return re.sub(r"(<mesh\b[^<>]*?\bfilename\s*=\s*)(\"([^\"]*)\"|'([^']*)')", renamed, declared)

@@ -67,7 +67,7 @@ def expand_xacro(
         start_new_session=True,
     )
     try:
-        answer, said = child.communicate(json.dumps(request).encode(), max_wait)
+        answer, errors = child.communicate(json.dumps(request).encode(), max_wait)
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
@@ -79,7 +79,7 @@ def expand_xacro(
     try:
         found = json.loads(answer)
     except ValueError:
-        last = said.decode(errors="replace").strip().rpartition("\n")[2]
+        last = errors.decode(errors="replace").strip().rpartition("\n")[2]
         raise BadXacro(f"{path}: the xacro could not be expanded (status {child.returncode}): {last[:300]}") from None
     if "error" in found:
         raise BadXacro(found["error"])

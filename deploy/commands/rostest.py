@@ -41,14 +41,14 @@ def command(words: tuple[str, ...], xunit: str, runs: str, text: bool, **options
         folder.mkdir(parents=True, exist_ok=True)
     failed = []
     for test in tests:
-        told = f" --gtest_output=xml:{folder / f'{test.name}.xml'}" if folder is not None else ""
+        report_option = f" --gtest_output=xml:{folder / f'{test.name}.xml'}" if folder is not None else ""
         launch = read_launch(path, arguments, packages)
-        made = fleet_of_launch(launch, packages, replace(test, args=f"{test.args}{told}"))
+        made = fleet_of_launch(launch, packages, replace(test, args=f"{test.args}{report_option}"))
         for note in made.notes:
             sys.stderr.write(f"{note}\n")
-        said = _run(checked_fleet(path, made), {**options, "factor": None, "duration": None}, runs)
-        sys.stdout.write(f"[{test.package}/{test.test}] {'passed' if said is None else f'FAILED: {said}'}\n")
-        failed += [test.test] if said is not None else []
+        failure = _run(checked_fleet(path, made), {**options, "factor": None, "duration": None}, runs)
+        sys.stdout.write(f"[{test.package}/{test.test}] {'passed' if failure is None else f'FAILED: {failure}'}\n")
+        failed += [test.test] if failure is not None else []
     sys.stdout.write(f"\nSUMMARY\n * RESULT: {'FAIL' if failed else 'SUCCESS'}\n")
     sys.stdout.write(
         f" * TESTS: {len(tests)}\n * FAILURES: {len(failed)}{f' ({chr(44).join(failed)})' if failed else ''}\n"

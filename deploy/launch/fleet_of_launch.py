@@ -94,8 +94,8 @@ def _exported(folder: Path, attribute: str) -> list[Path]:
         root = ElementTree.fromstring((folder / "package.xml").read_bytes())
     except (OSError, ElementTree.ParseError):
         return []
-    said = [each.get(attribute, "") for each in root.iter("gazebo_ros")]
-    paths = [Path(part.replace("${prefix}", str(folder))) for text in said for part in text.split(":") if part]
+    exported = [each.get(attribute, "") for each in root.iter("gazebo_ros")]
+    paths = [Path(part.replace("${prefix}", str(folder))) for text in exported for part in text.split(":") if part]
     return [each for each in paths if each.is_dir()]
 
 
@@ -166,11 +166,11 @@ class _Maker:
         if not self._gazebo:
             return ""
         node = self._gazebo[0]
-        said = known_nodes.world_argument(node)
-        name = Path(said).name.removesuffix(".world").removesuffix(".sdf")
-        if not said or name.startswith("empty") or name in WORLDS:
+        given = known_nodes.world_argument(node)
+        name = Path(given).name.removesuffix(".world").removesuffix(".sdf")
+        if not given or name.startswith("empty") or name in WORLDS:
             return name if name in WORLDS else "empty"
-        path = self._world_file(node, said)
+        path = self._world_file(node, given)
         ours = next((mine for text, mine in WORLD_NAMES if text in name), "")
         if path.is_file():
             try:
@@ -192,16 +192,16 @@ class _Maker:
         if package is not None:
             near = did_you_mean(path.name, [each.name for each in path.parent.glob("*")])
             raise BadInput(f"{node.where}: there is no world {path}{near}")
-        self._launch.note(f"the world {said} is not here; the ground is empty")
+        self._launch.note(f"the world {given} is not here; the ground is empty")
         return "empty"
 
-    def _world_file(self, node: LaunchNode, said: str) -> Path:
+    def _world_file(self, node: LaunchNode, given: str) -> Path:
         """Where Gazebo finds a world: a relative one in its resource path and in the folders that packages export."""
         set_by = dict(node.environment).get("GAZEBO_RESOURCE_PATH", os.environ.get("GAZEBO_RESOURCE_PATH", ""))
         folders = [node_folder(node), *map(Path, filter(None, set_by.split(os.pathsep)))]
         for package in self._packages.workspace.packages().values():
             folders += _exported(package, "gazebo_media_path")
-        return next((each / said for each in folders if (each / said).is_file()), Path(said))
+        return next((each / given for each in folders if (each / given).is_file()), Path(given))
 
     def _package_of(self, path: Path) -> Path | None:
         own = self._packages.workspace.packages().values()
@@ -221,9 +221,9 @@ class _Maker:
                 self._once({"kind": "panel"})
         elif known_nodes.is_panel(node):
             self._once({"kind": "panel"})
-        elif (said := known_nodes.lookup(known_nodes.NOTHING_TO_DO, node)) is not None:
-            if said:
-                self._launch.note(f"{node.where}: {node.what} is left out: {said}")
+        elif (reason := known_nodes.lookup(known_nodes.NOTHING_TO_DO, node)) is not None:
+            if reason:
+                self._launch.note(f"{node.where}: {node.what} is left out: {reason}")
         elif (path := self._packages.script(node.package, node.type)) is not None:
             self._script(node, path)
         elif (command := known_nodes.lookup(known_nodes.KEYBOARDS, node)) is not None:

@@ -255,8 +255,8 @@ class _File:
 
     def children(self, parent: LaunchElement, scope: _Scope) -> None:
         if parent.text.strip() and parent.tag in ("launch", "group", "include"):
-            said = " ".join(parent.text.split())[:60]
-            self._launch.note(f"{parent.where}: the text {said!r} in <{parent.tag}> is not an element; it is left out")
+            text = " ".join(parent.text.split())[:60]
+            self._launch.note(f"{parent.where}: the text {text!r} in <{parent.tag}> is not an element; it is left out")
         for element in parent.children:
             if self._holds(element):
                 self._element(element, scope)
@@ -297,12 +297,12 @@ class _File:
         self._launch.note(f"{element.where}: <{element.tag[:40]}> is not an element here{near}; it is left out")
 
     def _get(self, element: LaunchElement, name: str, default: str = "") -> str:
-        said = element.attributes.get(name)
-        return default if said is None else self._substitution.resolve(said, element.where)
+        value = element.attributes.get(name)
+        return default if value is None else self._substitution.resolve(value, element.where)
 
     def _flag(self, element: LaunchElement, name: str) -> bool:
-        said = self._get(element, name)
-        return truth(said, element.where, name) if said.strip() else False
+        value = self._get(element, name)
+        return truth(value, element.where, name) if value.strip() else False
 
     def _holds(self, element: LaunchElement) -> bool:
         has = element.attributes
@@ -313,19 +313,19 @@ class _File:
         return not self._condition(element, "unless") if "unless" in has else True
 
     def _condition(self, element: LaunchElement, name: str) -> bool:
-        said = self._get(element, name)
-        return truth(said, element.where, name)
+        value = self._get(element, name)
+        return truth(value, element.where, name)
 
     def _namespace(self, element: LaunchElement, scope: _Scope) -> str:
         return join_names(scope.namespace, self._name(element, "ns"))
 
     def _name(self, element: LaunchElement, attribute: str) -> str:
         """A namespace, with its odd characters replaced."""
-        said = self._get(element, attribute).strip()
-        parts = [legal_node_name(each) for each in said.split("/") if each]
-        made = ("/" if said.startswith("/") else "") + "/".join(parts)
-        if [each for each in said.split("/") if each] != parts:
-            self._launch.note(f"{element.where}: the name {said!r} is not legal; {made!r} is taken")
+        given = self._get(element, attribute).strip()
+        parts = [legal_node_name(each) for each in given.split("/") if each]
+        made = ("/" if given.startswith("/") else "") + "/".join(parts)
+        if [each for each in given.split("/") if each] != parts:
+            self._launch.note(f"{element.where}: the name {given!r} is not legal; {made!r} is taken")
         return made
 
     def _arg(self, element: LaunchElement) -> None:
@@ -513,11 +513,11 @@ class _File:
                     self._unknown(each, ("param", "rosparam", "remap", "env"))
 
     def _seconds(self, element: LaunchElement, name: str, default: float) -> float:
-        said = self._get(element, name)
+        value = self._get(element, name)
         try:
-            return float(said) if said else default
+            return float(value) if value else default
         except ValueError:
-            element.fail(f"{name}={said[:40]!r} is not a number of seconds")
+            element.fail(f"{name}={value[:40]!r} is not a number of seconds")
 
     def _include(self, element: LaunchElement, scope: _Scope) -> None:
         known = ("ns", "clear_params", "pass_all_args")
@@ -541,9 +541,9 @@ class _File:
                 stated.add(name)
             else:
                 self._unknown(each, ("arg", "env"))
-        said = Path(self._get(element, "file").strip())
+        file = Path(self._get(element, "file").strip())
         try:
-            path = self._reader.packages.included(said if said.is_absolute() else self._substitution.folder / said)
+            path = self._reader.packages.included(file if file.is_absolute() else self._substitution.folder / file)
         except BadInput as error:
             element.fail(f"<include>: {error}")
         declared = self._reader.include(element, path, inner, given, self._depth + 1)

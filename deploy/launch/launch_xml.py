@@ -118,14 +118,14 @@ def _reason(error: expat.ExpatError) -> str:
 def _hint(lines: list[str], number: int) -> str:
     """What copying from a web page or PDF may have done to the lines up to an error."""
     for index in range(number - 1, max(-1, number - 4), -1):
-        said = lines[index] if index < len(lines) else ""
+        line = lines[index] if index < len(lines) else ""
         for wrong, right in _ARTEFACTS.items():
-            if wrong in said:
+            if wrong in line:
                 return f"; line {index + 1} has {wrong!r}, which a copied text may have in place of {right!r}"
-        if _LINE_NUMBER.match(said):
+        if _LINE_NUMBER.match(line):
             return f"; line {index + 1} begins with a number: were line numbers copied with the text?"
-        if "&" in said and not re.search(r"&(\w+|#\d+);", said):
+        if "&" in line and not re.search(r"&(\w+|#\d+);", line):
             return f"; line {index + 1} has a bare '&', which XML writes as '&amp;'"
-        if "--" in said.replace("<!--", "").replace("-->", "") and "<!--" in "".join(lines[: index + 1]):
+        if "--" in line.replace("<!--", "").replace("-->", "") and "<!--" in "".join(lines[: index + 1]):
             return "; a comment must not have '--' in it"
     return ""

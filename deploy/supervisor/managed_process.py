@@ -173,9 +173,9 @@ class ManagedProcess:
             self.ready.clear()
             child = self._child
             if child is not None and self.state == "ready" and await self._ends_by_itself(child):
-                how, said = self._note_end(child.status or 0)
+                how, last = self._note_end(child.status or 0)
                 if child.status:
-                    self._set_state("failed", f"{how}: {said}" if said and child.status > 0 else how)
+                    self._set_state("failed", f"{how}: {last}" if last and child.status > 0 else how)
                 else:
                     self._set_state("finished", how)
             elif child is not None and child.status is None:
@@ -203,11 +203,11 @@ class ManagedProcess:
     def _note_end(self, status: int) -> tuple[str, str]:
         """Note how the process has ended by itself, or for its silence; returns that, and the last line of its log."""
         how = self._hang_reason or describe_exit(status)
-        said = last_line(self._spawner.log_path(self.spec.name))
+        last = last_line(self._spawner.log_path(self.spec.name))
         self.failed = self.failed or (status != 0 and not self._hang_reason)
         if status or self._hang_reason:
-            self.losses.append(f"{how}: {said}" if said and status > 0 else how)
-        return how, said
+            self.losses.append(f"{how}: {last}" if last and status > 0 else how)
+        return how, last
 
     def state_message(self) -> ProcessState:
         """The state as it is published."""
@@ -228,9 +228,9 @@ class ManagedProcess:
             for need in self._dependencies:
                 await need.ready.wait()
             status = await self._run_once()
-            how, said = self._note_end(status)
+            how, last = self._note_end(status)
             now, chance = time.monotonic(), self._rng.random()
-            match decide_after_exit(self.spec.policy, self.restarts, now, status, chance, said):
+            match decide_after_exit(self.spec.policy, self.restarts, now, status, chance, last):
                 case Finished():
                     return self._set_state("finished", how)
                 case Failed(reason):

@@ -66,25 +66,25 @@ class DriveController:
         """Whether any robot is driven, or still told to stand."""
         return bool(self._sessions)
 
-    def drive(self, page: Page, said: Drive, now: float) -> None:
+    def drive(self, page: Page, message: Drive, now: float) -> None:
         """A hand is on the stick; raises BadInput when it may not be."""
         p = self.params
-        robot = self._robots.by_namespace.get(said.robot)
+        robot = self._robots.by_namespace.get(message.robot)
         if robot is None:
-            raise unknown_name("robot", said.robot, self._robots.by_namespace)
+            raise unknown_name("robot", message.robot, self._robots.by_namespace)
         if not robot.cmd_vel_type:
-            raise BadInput(f"{said.robot} takes no commands on {CMD_VEL.name}")
-        if abs(said.v) > p.max_linear or abs(said.w) > p.max_angular:
+            raise BadInput(f"{message.robot} takes no commands on {CMD_VEL.name}")
+        if abs(message.v) > p.max_linear or abs(message.w) > p.max_angular:
             raise BadInput(
-                f"{said.v:g} m/s and {said.w:g} rad/s: no page drives faster than {p.max_linear:g} m/s and "
+                f"{message.v:g} m/s and {message.w:g} rad/s: no page drives faster than {p.max_linear:g} m/s and "
                 f"{p.max_angular:g} rad/s (parameters max_linear, max_angular of the panel)"
             )
-        session = self._sessions.get(said.robot)
+        session = self._sessions.get(message.robot)
         if session is None:
-            session = self._sessions[said.robot] = self._open_session(robot)
+            session = self._sessions[message.robot] = self._open_session(robot)
         if session.page is not None and session.page is not page:
-            raise BadInput(f"another page is driving {said.robot}: it must release it first")
-        session.page, session.command, session.last_message = page, DriveCommand(said.v, said.w), now
+            raise BadInput(f"another page is driving {message.robot}: it must release it first")
+        session.page, session.command, session.last_message = page, DriveCommand(message.v, message.w), now
 
     def release(self, page: Page) -> None:
         """The hand is off the stick, or the page is gone."""
@@ -106,9 +106,9 @@ class DriveController:
             if session.page is not None and now - session.last_message > self.params.silence:
                 session.page = None
             motion = session.command if session.page is not None else None
-            said = session.repeater.update(motion, now, sim_ns / 1e9)
-            if said is not None:
-                self._publish(session, said, sim_ns)
+            command = session.repeater.update(motion, now, sim_ns / 1e9)
+            if command is not None:
+                self._publish(session, command, sim_ns)
             if session.repeater.state == "silent":
                 self._close_session(name)
 
@@ -141,24 +141,24 @@ class GoalPublisher:
         self._node, self._robots = node, robots
         self._publishers: dict[str, Publisher[PoseStamped]] = {}
 
-    def send(self, said: Goal, sim_ns: int) -> str:
+    def send(self, goal: Goal, sim_ns: int) -> str:
         """Send a goal in the world frame; raises BadInput when no node would accept it."""
-        robot = self._robots.by_namespace.get(said.robot)
+        robot = self._robots.by_namespace.get(goal.robot)
         if robot is None:
-            raise unknown_name("robot", said.robot, self._robots.by_namespace)
+            raise unknown_name("robot", goal.robot, self._robots.by_namespace)
         if not robot.accepts_goals:
             raise BadInput(
                 f"no subscriber to {robot.topic_name(GOAL_POSE)}: is a waypoint service running for this robot?"
             )
         if robot.estimate is None:
-            raise BadInput(f"no odometry from {said.robot} yet, so its frame is not known: is the simulation running?")
-        output = self._publishers.get(said.robot)
+            raise BadInput(f"no odometry from {goal.robot} yet, so its frame is not known: is the simulation running?")
+        output = self._publishers.get(goal.robot)
         if output is None:
-            output = self._publishers[said.robot] = self._node.advertise(GOAL_POSE, robot.topic_name(GOAL_POSE))
-        at = robot.origin.between(Pose2(said.x, said.y, said.yaw)).wrapped
+            output = self._publishers[goal.robot] = self._node.advertise(GOAL_POSE, robot.topic_name(GOAL_POSE))
+        at = robot.origin.between(Pose2(goal.x, goal.y, goal.yaw)).wrapped
         header = Header(stamp=Time.of(sim_ns), frame_id=robot.frame)
         output.publish(PoseStamped(header=header, pose=at.to_msg()))
-        return f"{said.robot} is sent to ({said.x:.2f} m, {said.y:.2f} m)"
+        return f"{goal.robot} is sent to ({goal.x:.2f} m, {goal.y:.2f} m)"
 
     def close_unused(self) -> None:
         """Robots that have left take no goals."""

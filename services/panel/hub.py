@@ -94,8 +94,8 @@ class Hub:
         for name, channel in self._channels.items():  # the clock first: the others count by it
             if name in self._enabled and name != "log":
                 channel.update(now)
-        for page, said in self._pages.drain():
-            self._handle(page, said, now)
+        for page, message in self._pages.drain():
+            self._handle(page, message, now)
         self._enable_channels()
         self._requests.poll()
         self.drive_controller.update(now, self.time.now, self.time.epoch)
@@ -103,28 +103,28 @@ class Hub:
         self._scans.update(now)
         self._publish(now)
 
-    def _handle(self, page: Page, said: ClientMessage | Disconnected, now: float) -> None:
+    def _handle(self, page: Page, message: ClientMessage | Disconnected, now: float) -> None:
         try:
-            match said:
+            match message:
                 case Disconnected():
                     self._disconnect(page)
                 case Subscribe():
-                    self._wanted[page] = frozenset((*said.channels, "clock"))
-                    self._plots.set_subscription(page, said)
-                    self._scans.set_subscription(page, said.scan)
+                    self._wanted[page] = frozenset((*message.channels, "clock"))
+                    self._plots.set_subscription(page, message)
+                    self._scans.set_subscription(page, message.scan)
                 case Drive():
-                    self.drive_controller.drive(page, said, now)
+                    self.drive_controller.drive(page, message, now)
                 case Release():
                     self.drive_controller.release(page)
                 case Goal():
-                    send_reply(page, said.id, True, self._goals.send(said, self.time.now))
+                    send_reply(page, message.id, True, self._goals.send(message, self.time.now))
                 case Estop():
-                    send_reply(page, said.id, True, self._stops.set_stop(said.robot, said.on))
+                    send_reply(page, message.id, True, self._stops.set_stop(message.robot, message.on))
                 case ClientRequest():
-                    self._requests.send(page, said, self.drive_controller.params.deadline)
+                    self._requests.send(page, message, self.drive_controller.params.deadline)
         except BadInput as error:
-            if isinstance(said, ClientRequest):
-                send_reply(page, said.id, False, str(error))
+            if isinstance(message, ClientRequest):
+                send_reply(page, message.id, False, str(error))
             else:
                 send_error(page, str(error))
 

@@ -133,12 +133,12 @@ class PageRegistry:
             self._queue.append((page, DISCONNECTED))
         self._wake()
 
-    def submit(self, page: Page, said: ClientMessage) -> bool:
+    def submit(self, page: Page, message: ClientMessage) -> bool:
         """Queue a message of a page; False when the loop is too far behind."""
         with self._lock:
             taken = len(self._queue) < MAX_QUEUED_MESSAGES
             if taken:
-                self._queue.append((page, said))
+                self._queue.append((page, message))
         self._wake()
         return taken
 

@@ -169,15 +169,15 @@ _decoder: msgspec.json.Decoder[ClientMessage] = msgspec.json.Decoder(ClientMessa
 def decode_message(text: str) -> ClientMessage:
     """What a page said; raises BadInput with the field and the reason."""
     try:
-        said = _decoder.decode(text)
+        message = _decoder.decode(text)
     except (msgspec.MsgspecError, RecursionError, UnicodeEncodeError) as error:
         raise BadInput(f"not understood: {error}") from None
-    match said:
+    match message:
         case Subscribe():
-            for series in said.series:
+            for series in message.series:
                 _check_name(series.topic)
                 parse_path(series.path)
-            for topic in said.fields:
+            for topic in message.fields:
                 _check_name(topic)
         case Drive(robot=robot) | Goal(robot=robot):
             _check_name(robot)
@@ -185,7 +185,7 @@ def decode_message(text: str) -> ClientMessage:
             _check_name(robot)
         case Set(set=name) | Unset(set=name) | Undo(set=name) | History(set=name):
             _check_name(name)
-    return said
+    return message
 
 
 def _check_name(name: str) -> None:

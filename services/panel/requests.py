@@ -63,15 +63,15 @@ class RequestClient:
         """Whether any answer is outstanding."""
         return bool(self._pending)
 
-    def send(self, page: Page, said: ClientRequest, deadline: float) -> None:
+    def send(self, page: Page, asked: ClientRequest, deadline: float) -> None:
         """Ask for a page; the answer, or after ``deadline`` [s] the reason for none, reaches it by ``poll``."""
         waiting = sum(each.page is page for each in self._pending)
         if waiting >= MAX_PENDING_REQUESTS:
             raise BadInput(f"{waiting} requests are already waiting for an answer")
-        request, message = self._request(said)
+        request, message = self._request(asked)
         key = self._identity.key(request.name)
         pending = self._transport.query_async(key, encode(message), deadline)
-        self._pending.append(_PendingRequest(page, said.id, request, key, pending, deadline))
+        self._pending.append(_PendingRequest(page, asked.id, request, key, pending, deadline))
 
     def poll(self) -> None:
         """Hand on the answers that have come."""
@@ -90,9 +90,9 @@ class RequestClient:
                 send_reply(each.page, each.number, False, str(error))
         self._pending = waiting
 
-    def _request(self, said: ClientRequest) -> tuple[Request[Any, Any], Message]:
+    def _request(self, asked: ClientRequest) -> tuple[Request[Any, Any], Message]:
         who, number = self._identity.node, uuid.uuid4().hex
-        match said:
+        match asked:
             case Pause():
                 return PAUSE, Empty()
             case Resume():
@@ -104,13 +104,13 @@ class RequestClient:
             case Process(verb=verb, name=name):
                 return _SUPERVISOR_REQUESTS[verb], Name(name=name)
             case Set():
-                values = tuple(Assignment(name=name, value=value) for name, value in said.values.items())
-                return PARAMS_SET, SetParameters(set=said.set, values=values, run=said.run, id=number, who=who)
+                values = tuple(Assignment(name=name, value=value) for name, value in asked.values.items())
+                return PARAMS_SET, SetParameters(set=asked.set, values=values, run=asked.run, id=number, who=who)
             case Unset():
-                return PARAMS_RESET, ResetParameters(set=said.set, names=said.names, id=number, who=who)
+                return PARAMS_RESET, ResetParameters(set=asked.set, names=asked.names, id=number, who=who)
             case Undo():
-                return PARAMS_UNDO, UndoParameters(set=said.set, id=number, who=who)
+                return PARAMS_UNDO, UndoParameters(set=asked.set, id=number, who=who)
             case History():
-                return PARAMS_HISTORY, HistoryOf(set=said.set, limit=said.limit)
+                return PARAMS_HISTORY, HistoryOf(set=asked.set, limit=asked.limit)
             case _:
-                raise BadInput(f"{type(said).__name__} is not a request of another node")
+                raise BadInput(f"{type(asked).__name__} is not a request of another node")

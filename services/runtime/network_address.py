@@ -60,8 +60,8 @@ def select_fleet(port: int | None) -> FleetInstance:
     for each in fleets:
         if each.port == port:
             return each
-    said = "several fleets are running" if port is None else f"no fleet is running on port {port}"
-    raise BadInput(f"{said}: choose one of {_choices(fleets)}")
+    problem = "several fleets are running" if port is None else f"no fleet is running on port {port}"
+    raise BadInput(f"{problem}: choose one of {_choices(fleets)}")
 
 
 def _choices(fleets: Sequence[FleetInstance]) -> str:

@@ -192,8 +192,8 @@ def _read(source: RobotSource) -> _Robot:
     text = read_urdf(source.urdf)
     made = is_made(source.model)
 
-    def mesh(said: str) -> Mesh:
-        return read_mesh(Path(unquote(said.removeprefix("file://"))))
+    def mesh(uri: str) -> Mesh:
+        return read_mesh(Path(unquote(uri.removeprefix("file://"))))
 
     return _Robot(
         source=source,
@@ -331,8 +331,10 @@ def _joints(robot: _Robot) -> Iterator[JointFacts]:
             role = "transmission"
         else:
             role = "free" if model.has_base else "effort"
-        said = tuple(dict.fromkeys(interfaces.get(joint.name, ())))
-        yield JointFacts(joint.name, joint.kind, role, limits.lower, limits.upper, limits.effort, limits.velocity, said)
+        commands = tuple(dict.fromkeys(interfaces.get(joint.name, ())))
+        yield JointFacts(
+            joint.name, joint.kind, role, limits.lower, limits.upper, limits.effort, limits.velocity, commands
+        )
 
 
 def _faults(link: Link, robot: _Robot) -> Iterator[str]:

@@ -313,14 +313,17 @@ def _check_against_urdf(name: str, left: str, right: str, used: WheelGeometry, p
         raise BadInput(f"{urdf}: {error}") from None
     if left == right:
         raise BadInput(f"left_wheel and right_wheel are both {left!r}: a base has one on each side")
-    said = _check_sides(pair, left, right, parameters.allow_swapped_wheels)
+    warnings = _check_sides(pair, left, right, parameters.allow_swapped_wheels)
     if is_made(name) and (built := read_facts(name).wheels) is not None:
         wrong = describe_mismatch(used, WheelGeometry(built.track, built.left_radius, built.right_radius))
-        return [*said, wrong] if wrong else said
+        return [*warnings, wrong] if wrong else warnings
     if pair.left_radius is None or pair.right_radius is None:
-        return [*said, f"{urdf}: no collision sphere or cylinder gives the wheels' radii: the figures are unchecked"]
+        return [
+            *warnings,
+            f"{urdf}: no collision sphere or cylinder gives the wheels' radii: the figures are unchecked",
+        ]
     wrong = describe_mismatch(used, WheelGeometry(pair.separation, pair.left_radius, pair.right_radius))
-    return [*said, wrong] if wrong else said
+    return [*warnings, wrong] if wrong else warnings
 
 
 def _check_sides(pair: WheelPair, left: str, right: str, allowed: bool) -> list[str]:
