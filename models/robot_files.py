@@ -80,7 +80,7 @@ def make_robot(
     name: str,
     urdf: str,
     path: Path | None,
-    told: str,
+    label: str,
     config: Path | None,
     packages: PackagePath,
     access: FileAccess,
@@ -93,7 +93,7 @@ def make_robot(
         name: For people; the URDF's where it is empty.
         urdf: The text.
         path: The user's file, None for a text without one.
-        told: What errors call the text.
+        label: What errors call the text.
         config: Its ``model.toml``, if there is one.
         packages: Where packages are looked for.
         access: What may be read.
@@ -107,9 +107,9 @@ def make_robot(
     if _OPEN_NAMES.search(urdf):
         urdf = _OPEN_NAMES.sub("", urdf)
         notes.append("placeholders for a prefix, as ${namespace}, are left out of its names")
-    robot, description = parse_xml(urdf, told), parse_urdf(urdf, told)
+    robot, description = parse_xml(urdf, label), parse_urdf(urdf, label)
     files = _NamedFiles(path, base or Path("/"), packages, access)
-    with located(told):
+    with located(label):
         shapes = read_shapes(robot, files.read, faults)
         mended = mend_inertias(description, shapes)
     name = re.sub(r"[^A-Za-z0-9_.]+", "_", name or description.name).strip("_.")[:60] or "robot"
@@ -122,7 +122,7 @@ def make_robot(
 
     def write(into: Path) -> None:
         contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
-        shown = path.name if path is not None else told
+        shown = path.name if path is not None else label
         tags = parse_gazebo_tags(resolved, shown)
         chosen: tuple[str, ...] = ()
         if config is not None:
@@ -147,7 +147,7 @@ def make_robot(
         if config is not None:
             (into / "model.toml").write_bytes(toml)
         reach, lowest, highest = extents(held, shapes)
-        left_out = [f"{told}: {each}" for shape in shapes.values() for each in shape.remarks]
+        left_out = [f"{label}: {each}" for shape in shapes.values() for each in shape.remarks]
         facts = RobotFacts(
             name=name,
             title=description.name,

@@ -79,16 +79,16 @@ def resolve_robot(
                 f"{path}: a xacro is code, and none that a request names is run: spawn it with ./elea sim spawn, "
                 "which expands it at your side, or send the URDF"
             )
-        urdf, told = expand_xacro(path, xacro_args or {}, packages), f"{path} (expanded)"
+        urdf, label = expand_xacro(path, xacro_args or {}, packages), f"{path} (expanded)"
     else:
-        urdf, told = read_urdf(path), str(path)
+        urdf, label = read_urdf(path), str(path)
         if "<xacro:" in urdf and access.run_xacro:
-            urdf, told = expand_xacro(path, xacro_args or {}, packages), f"{path} (expanded)"
+            urdf, label = expand_xacro(path, xacro_args or {}, packages), f"{path} (expanded)"
         elif xacro_args:
             raise BadInput(f"{path}: xacro_args are for a xacro, and this is a plain URDF")
     toml = path.with_name("model.toml")
     config = toml if path.name in _FILES and toml.exists() else None
-    return _make(_name_of(path), urdf, path, told, config, packages, access, faults=faults)
+    return _make(_name_of(path), urdf, path, label, config, packages, access, faults=faults)
 
 
 def resolve_urdf_text(
@@ -115,7 +115,7 @@ def _make(
     name: str,
     urdf: str,
     path: Path | None,
-    told: str,
+    label: str,
     config: Path | None,
     packages: Sequence[Path],
     access: FileAccess,
@@ -124,7 +124,7 @@ def _make(
 ) -> RobotSource:
     from models.robot_files import make_robot  # numpy and decoders of meshes, which a command line alone never needs
 
-    found = _source(make_robot(name, urdf, path, told, config, PackagePath(tuple(packages)), access, base, faults))
+    found = _source(make_robot(name, urdf, path, label, config, PackagePath(tuple(packages)), access, base, faults))
     read_model(found.model)
     return found
 

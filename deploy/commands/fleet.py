@@ -162,8 +162,8 @@ def _sum_row(processes: list[dict[str, Any]]) -> tuple[str, str, str, str, str, 
     states = Counter(each["state"] for each in processes)
     memory, cpu = (sum(each[name] or 0.0 for each in processes) for name in ("memory_mib", "cpu_percent"))
     restarts = sum(each["restarts"] for each in processes)
-    told = ", ".join(f"{count} {state}" for state, count in states.most_common())
-    return f"{len(processes)} processes", told, "", str(restarts), f"{memory:.1f}", f"{cpu:.1f}", ""
+    counts = ", ".join(f"{count} {state}" for state, count in states.most_common())
+    return f"{len(processes)} processes", counts, "", str(restarts), f"{memory:.1f}", f"{cpu:.1f}", ""
 
 
 _TAIL_PERIOD_S = 0.2

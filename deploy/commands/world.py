@@ -55,10 +55,10 @@ def check_command(world: str, packages: tuple[Path, ...], as_json: bool) -> None
         write_json({"about": found.about, "bodies": kinds, "shapes": shapes, "notes": found.notes})
         return
     total = sum(kinds.values())
-    told = [f"{found.about or world}: {total} {'body' if total == 1 else 'bodies'} ({_counts(kinds)})"]
-    told += [f"shapes: {_counts(shapes)}"] if shapes else []
-    told += [f"not understood: {len(found.notes)}", *(f"  {note}" for note in found.notes)] if found.notes else []
-    write_text("\n".join(told) + "\n")
+    lines = [f"{found.about or world}: {total} {'body' if total == 1 else 'bodies'} ({_counts(kinds)})"]
+    lines += [f"shapes: {_counts(shapes)}"] if shapes else []
+    lines += [f"not understood: {len(found.notes)}", *(f"  {note}" for note in found.notes)] if found.notes else []
+    write_text("\n".join(lines) + "\n")
 
 
 @click.command("map")

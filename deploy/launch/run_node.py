@@ -73,8 +73,8 @@ def _expand(words: Sequence[str]) -> None:
 
 
 def _service(kind: str, parameters: dict[str, Any], remaps: list[tuple[str, str]], network: list[str]) -> bool:
-    told = [word for name, value in parameters.items() for word in ("--param", f"{name}={json.dumps(value)}")]
-    _elea(["run", *network, kind, *_node_options(remaps), *told])
+    options = [word for name, value in parameters.items() for word in ("--param", f"{name}={json.dumps(value)}")]
+    _elea(["run", *network, kind, *_node_options(remaps), *options])
     return True
 
 

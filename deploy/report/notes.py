@@ -67,16 +67,16 @@ def overrides_note(overrides: Sequence[str]) -> tuple[str, ...]:
 
 def _base_warnings(robots: Iterable[RobotConfig]) -> list[str]:
     """The warnings of their base drivers, one of many robots told once."""
-    told: dict[str, list[str]] = {}
+    names_by_warning: dict[str, list[str]] = {}
     for robot in robots:
         try:
             settings = _settings(robot)
         except BadInput:
             continue  # the simulation has refused it, with the reason
         for warning in settings.warnings if settings else ():
-            told.setdefault(warning, []).append(robot.name)
+            names_by_warning.setdefault(warning, []).append(robot.name)
     lines = []
-    for warning, names in told.items():
+    for warning, names in names_by_warning.items():
         if len(names) > MAX_NAMED_ROBOTS:
             lines.append(f"{named(names)}: {warning}")
         else:

@@ -46,7 +46,7 @@ class JointController:
         self._due = Due(STATE_RATE)
         self._wanted: dict[str, float] = {}
         self._commanded_at: int | None = None
-        self._told: JointControllerState | None = None
+        self._last_state: JointControllerState | None = None
 
     def read(self, now: int, refusal: str) -> None:
         """Take the newest command."""
@@ -74,7 +74,7 @@ class JointController:
 
     def halt(self, reason: str, now: int) -> None:
         """Forget what was commanded."""
-        self._wanted, self._told, self._commanded_at = {}, None, None
+        self._wanted, self._last_state, self._commanded_at = {}, None, None
 
     def update(self, state: RobotState, now: int, dt: float) -> list[JointTarget]:
         """The targets of the joints."""
@@ -87,8 +87,8 @@ class JointController:
 
     def publish(self, now: int) -> None:
         """Publish the state of the joint."""
-        if self._states is not None and self._told is not None and self._due(now):
-            self._states.publish(self._told)
+        if self._states is not None and self._last_state is not None and self._due(now):
+            self._states.publish(self._last_state)
 
     def _limited(self, joint: str, value: float) -> float:
         limiter, name = self._ports.limiter, self.config.name
@@ -114,7 +114,7 @@ class JointController:
         command = pid.step(error, dt if dt <= MAX_GAP_S else 0.0)
         if interface == "effort":
             command = limiter.effort(joint, command)
-        self._told = _state(pid.params, wanted, measured, reading.velocity, error, dt, command, now)
+        self._last_state = _state(pid.params, wanted, measured, reading.velocity, error, dt, command, now)
         return JointTarget(joint_name=joint, interface=interface, value=command)
 
 

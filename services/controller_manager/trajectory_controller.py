@@ -69,7 +69,7 @@ class TrajectoryController:
         self._tolerances = self._own_tolerances
         self._trajectory: Trajectory | None = None
         self._actual: Values = ()
-        self._told: FollowJointTrajectoryFeedback | None = None
+        self._last_feedback: FollowJointTrajectoryFeedback | None = None
 
     def read(self, now: int, refusal: str) -> None:
         """Take cancellations, then goals, then trajectories of the topics, each as it came."""
@@ -93,7 +93,7 @@ class TrajectoryController:
     def halt(self, reason: str, now: int) -> None:
         """Give up what is followed."""
         self._server.end(Status.ABORTED, now, reason, TrajectoryError.INVALID_GOAL)
-        self._trajectory, self._told = None, None
+        self._trajectory, self._last_feedback = None, None
 
     def update(self, state: RobotState, now: int, dt: float) -> list[JointTarget]:
         """The targets of the joints, after the goal was judged by where they are."""
@@ -108,7 +108,7 @@ class TrajectoryController:
         if self._server.active and self._judge(errors, rate_errors, now):
             wanted = self._trajectory.at(now)
             errors = self._errors(wanted)
-        self._told = self._feedback(wanted, rates, errors, rate_errors, now)
+        self._last_feedback = self._feedback(wanted, rates, errors, rate_errors, now)
         targets = []
         for index, joint in enumerate(joints):
             error, rate = errors[index], wanted.velocities[index]
@@ -128,18 +128,18 @@ class TrajectoryController:
 
     def publish(self, now: int) -> None:
         """Publish the state, and the status and feedback of the goal."""
-        if self._told is not None and self._state_due(now):
-            told = self._told
+        if self._last_feedback is not None and self._state_due(now):
+            feedback = self._last_feedback
             state = JointTrajectoryControllerState(
-                header=told.header,
-                joint_names=told.joint_names,
-                desired=told.desired,
-                actual=told.actual,
-                error=told.error,
+                header=feedback.header,
+                joint_names=feedback.joint_names,
+                desired=feedback.desired,
+                actual=feedback.actual,
+                error=feedback.error,
             )
             for publisher in self._states:
                 publisher.publish(state)
-        self._server.publish(now, self._told)
+        self._server.publish(now, self._last_feedback)
 
     def _take_goal(self, goal: str, asked: FollowJointTrajectoryGoal, now: int, refusal: str) -> None:
         if refusal or self._trajectory is None:

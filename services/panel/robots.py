@@ -114,13 +114,13 @@ class RobotTracker:
         drives = {each.name: each.record for each in self._graph.find_topics("sub", CMD_VEL.name)}
         goals = {each.name for each in self._graph.find_topics("sub", GOAL_POSE.name)}
         stops = {each.name for each in self._graph.find_topics("sub", E_STOP.name)}
-        told = {each.name for each in self._graph.entities if each.kind == "pub"}
+        published = {each.name for each in self._graph.entities if each.kind == "pub"}
         found: dict[str, RobotState] = {}
         for each in self._graph.find_topics("pub", GROUND_TRUTH.name):
             namespace = each.name.rpartition("/")[0] or "/"
             robot = found[namespace] = self.by_namespace.get(namespace) or RobotState(namespace)
             robot.cmd_vel_type = drives.get(robot.topic_name(CMD_VEL), "")
-            robot.cmd_vel_type = robot.cmd_vel_type if robot.topic_name(BASE_STATUS) in told else ""
+            robot.cmd_vel_type = robot.cmd_vel_type if robot.topic_name(BASE_STATUS) in published else ""
             robot.has_e_stop = robot.topic_name(E_STOP) in stops
             robot.accepts_goals = robot.topic_name(GOAL_POSE) in goals
         for each in self._graph.find_topics("pub", TURTLE_POSE.name):
@@ -135,7 +135,7 @@ class RobotTracker:
         wanted = {(TF_STATIC.name, TFMessage.ROS_TYPE): TF_STATIC.quality.name} if self._topics else {}
         for robot in self.by_namespace.values():
             for topic in self._topics:
-                if (name := robot.topic_name(topic)) in told and robot.turtle == (topic is TURTLE_POSE):
+                if (name := robot.topic_name(topic)) in published and robot.turtle == (topic is TURTLE_POSE):
                     wanted[name, topic.record.ROS_TYPE] = topic.quality.name
         self._subscriptions.set_topics(wanted)
 

@@ -32,13 +32,13 @@ def without_windows(cv2: ModuleType, sleep: Callable[[float], Any]) -> None:
         cv2: OpenCV, changed in place.
         sleep: Waits for seconds of the script's time.
     """
-    told = False
+    warned = False
 
     def imshow(*_: Any) -> None:
-        nonlocal told
-        if not told:
+        nonlocal warned
+        if not warned:
             sys.stderr.write("cv2.imshow: no window can be opened here; publish the image to see it in the panel\n")
-        told = True
+        warned = True
 
     def wait_key(delay: float = 0) -> int:
         sleep(max(0.0, delay) / 1000)

@@ -316,12 +316,12 @@ def _is_interruption(error: BaseException) -> bool:
 
 def _print_traceback(error: BaseException) -> None:
     """The traceback as Python would print it, without the lines of what loads the script."""
-    told = traceback.TracebackException.from_exception(error)
-    inner: traceback.TracebackException | None = told
+    trace = traceback.TracebackException.from_exception(error)
+    inner: traceback.TracebackException | None = trace
     while inner is not None:
         inner.stack = traceback.StackSummary.from_list([each for each in inner.stack if not _loads(each.filename)])
         inner = inner.__cause__ or inner.__context__
-    sys.stderr.write("".join(told.format()))
+    sys.stderr.write("".join(trace.format()))
 
 
 def _loads(file: str) -> bool:

@@ -149,11 +149,11 @@ class SteppingNode:
         ends = [End("pub", each.name, each.ros_type, each.latched) for each in kernel.outputs]
         ends += [End("sub", each.name, each.ros_type or "*") for each in kernel.readers.values()]
         ends += [End("srv", each.name, each.ros_type) for each in kernel.servers]
-        told = () if final else tuple(dict.fromkeys([*ends, End("node", self._node.identity.node, SCRIPT)]))
-        if told != self._last:
-            self._last = told
+        announced = () if final else tuple(dict.fromkeys([*ends, End("node", self._node.identity.node, SCRIPT)]))
+        if announced != self._last:
+            self._last = announced
             self._announcements.publish_encoded(
-                encode_announcement(self._node.identity.node, self._node.transport.session, told)
+                encode_announcement(self._node.identity.node, self._node.transport.session, announced)
             )
 
     def call(self, name: str, payload: bytes, timeout: float | None) -> list[Reply] | None:

@@ -105,7 +105,9 @@ class SteppingServices:
         ends = [End("pub", each.name, each.topic.record.ROS_TYPE) for each in node.publishers]
         ends += [End("sub", each.name, each.topic.record.ROS_TYPE) for each in node.subscribers]
         ends += [End("srv", name, kind) for name, (kind, *_) in self._served.items() if name not in self._hidden]
-        told = tuple(each for each in ends if "/_" not in each.name)
-        if told != self._announced:
-            self._announced = told
-            node.advertise(ENDS).publish_encoded(encode_announcement(node.identity.node, node.transport.session, told))
+        announced = tuple(each for each in ends if "/_" not in each.name)
+        if announced != self._announced:
+            self._announced = announced
+            node.advertise(ENDS).publish_encoded(
+                encode_announcement(node.identity.node, node.transport.session, announced)
+            )

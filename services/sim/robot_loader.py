@@ -45,18 +45,18 @@ class RobotLoader:
 
     Args:
         folders: The fleet file's folder, and its packages.
-        hand_over: Lets the loop answer a reply between two ticks.
-        tell: Called in the loop with what was not understood of an SDF.
+        answer_in_loop: Lets the loop answer a reply between two ticks.
+        log_note: Called in the loop with what was not understood of an SDF.
     """
 
     def __init__(
         self,
         folders: Sequence[str] = (),
-        hand_over: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None] | None = None,
-        tell: Callable[[str], None] | None = None,
+        answer_in_loop: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None] | None = None,
+        log_note: Callable[[str], None] | None = None,
     ) -> None:
         self._folders = tuple(map(Path, folders))
-        self._hand_over, self._tell = hand_over, tell
+        self._answer_in_loop, self._log_note = answer_in_loop, log_note
         self._loading = 0
         self._last: threading.Thread | None = None
 
@@ -66,13 +66,13 @@ class RobotLoader:
             return spawn(request.model)
         if (made := find_made(request.model)) is not None:
             return spawn(made.model)
-        if self._hand_over is None or (not request.urdf and not names_file(request.model)):
-            return spawn(self._told(request, *self._load(request)))
+        if self._answer_in_loop is None or (not request.urdf and not names_file(request.model)):
+            return spawn(self._log_notes(request, *self._load(request)))
         if self._loading >= MAX_LOADING:
             raise TryAgain(f"{MAX_LOADING} robots are being read already: ask again when they are there")
         self._loading += 1
         reply: DeferredReply[ModelState] = DeferredReply()
-        arguments = request, spawn, reply, self._hand_over, self._last
+        arguments = request, spawn, reply, self._answer_in_loop, self._last
         self._last = threading.Thread(target=self._read, args=arguments, daemon=True)
         self._last.start()
         return reply
@@ -82,7 +82,7 @@ class RobotLoader:
         request: SpawnModel,
         spawn: Spawn,
         reply: DeferredReply[ModelState],
-        hand_over: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None],
+        answer_in_loop: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None],
         previous: threading.Thread | None,
     ) -> None:
         """Runs in a thread of its own; all but reading is the loop's. Robots are there in the order of the requests."""
@@ -98,16 +98,16 @@ class RobotLoader:
             self._loading -= 1
             if error is not None:
                 raise error
-            return spawn(self._told(request, model, notes))
+            return spawn(self._log_notes(request, model, notes))
 
         if previous is not None:
             previous.join()
-        hand_over(reply, answer)
+        answer_in_loop(reply, answer)
 
-    def _told(self, request: SpawnModel, model: str, notes: Sequence[str]) -> str:
+    def _log_notes(self, request: SpawnModel, model: str, notes: Sequence[str]) -> str:
         """Log the ``notes`` and return the model."""
-        if notes and self._tell is not None:
-            self._tell(f"{request.name}: of its SDF: {'; '.join(notes)}")
+        if notes and self._log_note is not None:
+            self._log_note(f"{request.name}: of its SDF: {'; '.join(notes)}")
         return model
 
     def _load(self, request: SpawnModel) -> tuple[str, tuple[str, ...]]:

@@ -97,10 +97,10 @@ class MovingTransforms:
     def encode(self, moment: Moment) -> list[bytes]:
         """The messages of the transforms as they are now; that of a base is as old as the odometry that was published
         last."""
-        told = {each: odometry for each in self._frames.values() if (odometry := each.odometry) is not None}
-        if (based := list(told)) != self._based:
+        odometries = {each: odometry for each in self._frames.values() if (odometry := each.odometry) is not None}
+        if (based := list(odometries)) != self._based:
             self._arrange(based)
-        transforms = self._encode_bases(told) + self._encode_joints(moment)
+        transforms = self._encode_bases(odometries) + self._encode_joints(moment)
         return self._messages.join([transforms[place] for place in self._order])
 
     def _arrange(self, based: list[_RobotFrames]) -> None:
@@ -124,16 +124,16 @@ class MovingTransforms:
             joint, angles = joint + len(each.joints), angles + (each.joint_count if each.joints else 0)
         self._messages = EncodedSplit(sizes)
 
-    def _encode_bases(self, told: dict[_RobotFrames, tuple[bytes, OdometrySample]]) -> list[bytes]:
+    def _encode_bases(self, odometries: dict[_RobotFrames, tuple[bytes, OdometrySample]]) -> list[bytes]:
         found: dict[bytes, list[_RobotFrames]] = {}
-        for each, (stamp, _) in told.items():
+        for each, (stamp, _) in odometries.items():
             found.setdefault(stamp, []).append(each)
         encoded: dict[_RobotFrames, bytes] = {}
         for stamp, alike in found.items():
-            poses = np.array([told[each][1].pose for each in alike])
+            poses = np.array([odometries[each][1].pose for each in alike])
             payloads = self._base_encoder.encode([each.of_base.template for each in alike], stamp, poses)
             encoded.update(zip(alike, payloads, strict=True))
-        return [encoded[each] for each in told]
+        return [encoded[each] for each in odometries]
 
     def _encode_joints(self, moment: Moment) -> list[bytes]:
         positions = moment.joint_rows(self._jointed)[0][self._joint_places]

@@ -22,7 +22,7 @@ class Background:
 
     def __init__(self, ctx: Context[TurtlesimParameters]) -> None:
         self._ctx, self._tree = ctx, ctx.latest(ROSPARAM_TREE)
-        self._told: dict[str, int] = {}
+        self._published: dict[str, int] = {}
         self._initial: dict[str, int] = {}
 
     def publish(self) -> None:
@@ -38,7 +38,7 @@ class Background:
                 ctx.call(ROSPARAM_SET, RosparamSet(key=key, value=value_to_json(value), writer=ctx.node_name))
             except CallFailed:
                 return  # no parameter service: there is no tree
-            self._told[name] = value
+            self._published[name] = value
 
     @property
     def colour(self) -> Color:
@@ -57,7 +57,7 @@ class Background:
         found: dict[str, int] = {}
         for name in CHANNELS:
             key = join(self._ctx.node_name, name)
-            if not tree.has(key) or (value := tree.get(key)) == self._told.get(name):
+            if not tree.has(key) or (value := tree.get(key)) == self._published.get(name):
                 continue
             found |= self._checked(name, value)
         return found

@@ -98,6 +98,8 @@ class RotateAbsoluteServer:
 
     def _end(self, status: Status, turtle: Turtle, now: int, text: str) -> None:
         ended, self._active = self._active, ""
-        told = self._goals.end(ended, status, now, text)
+        final = self._goals.end(ended, status, now, text)
         result = RotateAbsoluteResult(delta=turtle.remaining_turn(self._start))
-        self._results.publish(RotateAbsoluteActionResult(header=Header(stamp=Time.of(now)), status=told, result=result))
+        self._results.publish(
+            RotateAbsoluteActionResult(header=Header(stamp=Time.of(now)), status=final, result=result)
+        )

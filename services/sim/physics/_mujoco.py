@@ -20,7 +20,7 @@ finally:
         os.environ[_GL] = _chosen
 
 
-def _tell(warning: str) -> None:
+def _write_warning(warning: str) -> None:
     sys.stderr.write(f"MuJoCo warns: {warning}\n")
 
 
@@ -28,4 +28,4 @@ def _tell(warning: str) -> None:
 _logging = mujoco.MjLogConfig.get()
 _logging.logto_file = False
 _logging.set()
-mujoco.set_mju_user_warning(_tell)
+mujoco.set_mju_user_warning(_write_warning)
