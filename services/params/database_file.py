@@ -47,6 +47,7 @@ The ``_copy`` indexes hold every row a second time. SQLite's integrity check com
 value as well as a damaged page.
 """
 
+_OPTIONS = "--params PATH of ./elea up, --param file=PATH of the service"
 _HEADER_BYTES = 100
 _MAGIC = b"SQLite format 3\0"
 
@@ -65,7 +66,7 @@ def locked(path: Path) -> Iterator[None]:
     except OSError as error:
         raise BadInput(
             f"cannot write the parameter file {path} ({error.strerror}): "
-            "name another with --param file=PATH, or none to keep values for this run only"
+            f"name another ({_OPTIONS}), or none to keep values for this run only"
         ) from None
     except sqlite3.Error as error:
         raise BadInput(f"cannot create the parameter file {path} ({error}): is the disk full?") from None
@@ -119,7 +120,7 @@ def _lock(handle: int, path: Path) -> None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         raise BadInput(
-            f"another parameter service uses {path}: stop it, or give this one a file of its own (--param file=PATH)"
+            f"another parameter service uses {path}: stop it, or give this one a file of its own ({_OPTIONS})"
         ) from None
 
 
@@ -134,7 +135,7 @@ def _check_header(handle: int, path: Path) -> None:
     if (application := int.from_bytes(header[68:72], "big")) != APPLICATION_ID:
         raise BadInput(
             f"{path} is a database of another program (application id {application:#x}): it was left as it is. "
-            "Name a file of its own with --param file=PATH"
+            f"Name a file of its own ({_OPTIONS})"
         )
 
 
