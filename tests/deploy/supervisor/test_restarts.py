@@ -41,7 +41,14 @@ def test_killed_process_is_ready_again_soon(tmp_path: Path) -> None:
 
 def test_who_hangs_is_killed_and_who_is_excused_is_not(tmp_path: Path) -> None:
     """Beside each other, since all of it waits for heartbeats that do not come."""
-    scenarios = (hanging_loop, stopped_process, no_heartbeat_at_all, silence_while_the_router_is_down)
+    scenarios = (
+        hanging_loop,
+        stopped_process,
+        no_heartbeat_at_all,
+        heartbeats_lost_in_a_flood,
+        no_heartbeat_and_no_router,
+        silence_while_the_router_is_down,
+    )
 
     async def all_of_them() -> None:
         async with asyncio.TaskGroup() as group:
@@ -75,33 +82,48 @@ async def stopped_process(stage: SupervisorHarness) -> None:
 
 
 async def no_heartbeat_at_all(stage: SupervisorHarness) -> None:
-    """While the router answers, the fault is the topic, and nobody is killed; without an answer, each is judged."""
+    """While the router answers, the fault is the topic, and nobody is killed."""
+    await _lose_the_topic(stage, flood=False)
 
-    async def lose_the_topic(supervisor: Supervisor) -> None:
+
+async def heartbeats_lost_in_a_flood(stage: SupervisorHarness) -> None:
+    """The fault is whoever sends so much, and nobody is killed."""
+    await _lose_the_topic(stage, flood=True)
+
+
+async def _lose_the_topic(stage: SupervisorHarness, flood: bool) -> None:
+    async def lose(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
         lives, bus = supervisor.processes.values(), stage.bus
-        for flood in (False, True):
-            bus.mute, bus.answers_router, bus.flooded = {"/a", "/b"}, not flood, flood
-            await wait_until(
-                lambda: all(
-                    heartbeat.silence(time.monotonic()) > HEARTBEAT_TIMEOUT_S + 0.5
-                    for each in lives
-                    for heartbeat in each._heartbeats.values()
-                )
+        bus.mute, bus.answers_router, bus.flooded = {"/a", "/b"}, not flood, flood
+        await wait_until(
+            lambda: all(
+                heartbeat.silence(time.monotonic()) > HEARTBEAT_TIMEOUT_S + 0.5
+                for each in lives
+                for heartbeat in each._heartbeats.values()
             )
-            assert ("flood" if flood else "no heartbeat of any process") in bus.published[-1].note
-            assert stage.notes[-1].startswith(bus.published[-1].note)
-            bus.mute, bus.answers_router, bus.flooded = set(), False, False
-            await wait_until(
-                lambda: bus.published[-1].note == "" and all(each.is_healthy(time.monotonic()) for each in lives)
-            )
+        )
+        assert ("flood" if flood else "no heartbeat of any process") in bus.published[-1].note
+        assert stage.notes[-1].startswith(bus.published[-1].note)
+        bus.mute, bus.answers_router, bus.flooded = set(), False, False
+        await wait_until(
+            lambda: bus.published[-1].note == "" and all(each.is_healthy(time.monotonic()) for each in lives)
+        )
         assert all("backing off" not in stage.states(name) for name in "ab")
-        assert len(stage.notes) == 4, "each is told once, and that it is over"
-        bus.mute = {"/a", "/b"}
+        assert len(stage.notes) == 2, "it is told once, and that it is over"
+
+    assert (await stage.play(lose, faulty_process("good", "/a"), faulty_process("good", "/b"))).ended == "interrupted"
+
+
+async def no_heartbeat_and_no_router(stage: SupervisorHarness) -> None:
+    """Without an answer of the router, each is judged."""
+
+    async def lose(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        stage.bus.mute = {"/a", "/b"}
         await wait_until(lambda: all("backing off" in stage.states(name) for name in "ab"))
 
-    outcome = await stage.play(lose_the_topic, faulty_process("good", "/a"), faulty_process("good", "/b"))
-    assert outcome.ended == "interrupted"
+    assert (await stage.play(lose, faulty_process("good", "/a"), faulty_process("good", "/b"))).ended == "interrupted"
 
 
 async def silence_while_the_router_is_down(stage: SupervisorHarness) -> None:
