@@ -44,19 +44,19 @@ def test_record_takes_what_is_chosen_until_ctrl_c(network: Network, node: Node, 
         node.advertise(ODOM, "/v/odom"),
         node.advertise(ODOM, "/w/odom"),
     )
-    options = ("-e", "odom$", "-x", "^/w", "-o", "lap", "-d", "0.4")
+    options = ("-e", "odom$", "-x", "^/w", "-o", "lap", "-d", "0.2")
     process = terminal.start("bag", "record", "/v/cmd_vel", *options, "--connect", network.endpoint)
     wait_until(lambda: command.has_subscribers and odometry.has_subscribers, 30.0, "a recorder")
     for number in range(60):
         for out in (odometry, other):
             out.publish(ODOM.record())
         command.publish(Twist.planar(number / 100, 0.0))
-        sleep(0.02)
+        sleep(0.01)
     ended = interrupt(process)
     assert ended.status == 0, ended.err
     told = json.loads(terminal.run("bag", "info", "lap", "--json").out)
     assert {each["topic"]: each["messages"] for each in told["topics"]} == {"/v/cmd_vel": 60, "/v/odom": 60}
-    assert len(told["files"]) >= 3, "a new one each 0.4 s"
+    assert len(told["files"]) >= 3, "a new one each 0.2 s"
     assert "recorded 120 messages of 2 topics" in ended.err
     node.unregister(command, odometry, other)
 
