@@ -43,6 +43,7 @@ def test_who_hangs_is_killed_and_who_is_excused_is_not(tmp_path: Path) -> None:
     """Beside each other, since all of it waits for heartbeats that do not come."""
     scenarios = (
         hanging_loop,
+        endless_loop,
         stopped_process,
         no_heartbeat_at_all,
         heartbeats_lost_in_a_flood,
@@ -67,6 +68,16 @@ async def hanging_loop(stage: SupervisorHarness) -> None:
     await stage.play(watch, faulty_process("hang_after_start", "/a"))
     silence = stage.time_of("a", "backing off") - stage.time_of("a", "ready")
     assert silence > HEARTBEAT_TIMEOUT_S - 0.2
+    assert unexcused_silence(stage.log("a")) < HEARTBEAT_TIMEOUT_S + 1.0
+
+
+async def endless_loop(stage: SupervisorHarness) -> None:
+    """It is no wait for a processor."""
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_until(lambda: stage.states("a").count("ready") == 2)
+
+    await stage.play(watch, faulty_process("spin", "/a"))
     assert unexcused_silence(stage.log("a")) < HEARTBEAT_TIMEOUT_S + 1.0
 
 
