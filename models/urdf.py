@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import NoReturn, TypeVar
 from xml.etree import ElementTree
@@ -548,7 +548,12 @@ def read_wheels(urdf: Path, left: str, right: str) -> WheelPair:
     As ROS's ``diff_drive_controller`` reads them: the separation is the Euclidean distance between the joints' origins,
     the radius that of the wheel link's collision sphere or cylinder.
     """
-    robot = parse_urdf(urdf.read_text(encoding="utf-8"))
+    return _wheels_in(urdf.read_text(encoding="utf-8"), left, right)
+
+
+@lru_cache(64)
+def _wheels_in(text: str, left: str, right: str) -> WheelPair:
+    robot = parse_urdf(text)
     one, other = _find(robot.joints, left), _find(robot.joints, right)
     at_left, at_right = robot.link_offset(one.child), robot.link_offset(other.child)
     radii = {each.name: each.radius for each in robot.links}

@@ -115,19 +115,21 @@ def watch_fleet(fleet: BenchFleet) -> Iterator[FleetWatcher]:
         yield FleetWatcher(node)
 
 
+IDLE_FLEET = "bare"
+"""Robots that stand still."""
 FROM_S, TO_S = 3.0, 8.0
 """The span of simulation time, here also of wall time, over which CPU is counted."""
 
 
 def measure_idle(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
-    """The fleet ``bare`` in real time, standing still."""
+    """The fleet IDLE_FLEET in real time."""
     cpu: dict[str, list[float]] = {}
     memory: dict[str, list[float]] = {}
     for number in range(rounds):
         say(f"idle, round {number + 1} of {rounds}")
         with (
             tempfile.TemporaryDirectory() as folder,
-            BenchFleet("bare", Path(folder) / "run", port, "--mode", "real") as fleet,
+            BenchFleet(IDLE_FLEET, Path(folder) / "run", port, "--mode", "real") as fleet,
             watch_fleet(fleet) as watch,
         ):
             watch.wait_until(FROM_S)

@@ -29,6 +29,8 @@ TRIPS = 400
 TRIP_TIMEOUT_S = 30.0
 LAP_S, LAP_ROBOTS = 20.0, 4
 """Simulation time of a run in lockstep, and its number of robots."""
+BESIDE, BESIDE_FROM_S = "bare", 2.0
+"""The fleet beside which programs run, and from when on [s]: by then it has started."""
 BUSY_FROM_S, BUSY_S = 2.0, 4.0
 """Wall time after which the loop that never waits is watched, and over which."""
 
@@ -149,13 +151,13 @@ def _script(file: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def _beside_a_fleet(rounds: int, folder: Path, port: int) -> list[Figure]:
-    """Start and memory of a listener, and the processor time of a busy loop, beside the fleet ``bare``."""
+    """Start and memory of a listener, and the processor time of a busy loop, beside a fleet."""
     starts, memory, busy = [], [], []
     with (
-        BenchFleet("bare", folder / "bare", port, "--mode", "real") as fleet,
+        BenchFleet(BESIDE, folder / "beside", port, "--mode", "real") as fleet,
         watch_fleet(fleet) as watch,
     ):
-        watch.wait_until(2.0)
+        watch.wait_until(BESIDE_FROM_S)
         for number in range(rounds):
             connect = ("--connect", fleet.endpoint)
             begun = time.perf_counter()

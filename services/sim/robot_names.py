@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 from typing import Protocol
 
 from msgspec.structs import replace
@@ -57,9 +58,17 @@ def robot_frame_prefix(robot: NamedRobot) -> str:
 
 def robot_frames(robot: NamedRobot) -> frozenset[str]:
     """All frames of a robot; raises ``models.UnknownModel``."""
-    model, prefix = read_model(robot.model), robot_frame_prefix(robot)
-    links = robot_links(robot.model)
-    return frozenset(f"{prefix}{frame}" for frame in (links if model.fixed_base else links | {model.odom_frame}))
+    return _prefixed(robot, _model_frames(robot.model))
+
+
+def _model_frames(name: str) -> frozenset[str]:
+    model, links = read_model(name), robot_links(name)
+    return links if model.fixed_base else links | {model.odom_frame}
+
+
+def _prefixed(robot: NamedRobot, frames: Iterable[str]) -> frozenset[str]:
+    prefix = robot_frame_prefix(robot)
+    return frozenset(f"{prefix}{frame}" for frame in frames)
 
 
 def robot_links(model: str) -> frozenset[str]:
@@ -112,7 +121,8 @@ def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
         _check_prefix(robot_frame_prefix(robot))
     except BadName as error:
         raise BadInput(f"a robot cannot have this name: {error}") from None
-    frames = robot_frames(robot)
+    model_frames = cache(_model_frames)  # among hundreds of robots, each model's files are looked at once
+    frames = _prefixed(robot, model_frames(robot.model))
     if WORLD_FRAME in frames and not stands_by_link(robot):
         raise BadInput(
             f"{robot.name}: its link {WORLD_FRAME!r} would be the frame of the world: give it a frame_prefix, "
@@ -126,7 +136,7 @@ def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
                 f"{robot.name}: the namespace {namespace} is that of {other.name} already, and both would publish "
                 f"{namespace.rstrip('/')}/odom: give one of them another namespace"
             )
-        if shared := (frames & robot_frames(other)) - {WORLD_FRAME}:
+        if shared := (frames & _prefixed(other, model_frames(other.model))) - {WORLD_FRAME}:
             raise BadInput(
                 f"{robot.name}: {other.name} has the frame {min(shared)} already: give one of them another "
                 f'frame_prefix, such as "{robot.name}/"'

@@ -128,7 +128,14 @@ def run_verb(
     *arguments: str, cwd: Path = ROOT, env: Mapping[str, str] = os.environ, within: float = 60.0
 ) -> subprocess.CompletedProcess[str]:
     """A verb, run to its end."""
-    with ForkedVerb(arguments, cwd, env) as process:
+    return run_module("deploy", *arguments, cwd=cwd, env=env, within=within)
+
+
+def run_module(
+    module: str, *arguments: str, cwd: Path = ROOT, env: Mapping[str, str] = os.environ, within: float = 60.0
+) -> subprocess.CompletedProcess[str]:
+    """``python -m MODULE`` with some arguments, run to its end."""
+    with ForkedProcess(module, arguments, cwd, env) as process:
         try:
             out, err = process.communicate(timeout=within)
         except BaseException:

@@ -18,6 +18,8 @@ DETERMINISTIC = settings(
     max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow], database=None
 )
 """The same examples in every run, however busy the machine is."""
+FEW = settings(DETERMINISTIC, max_examples=12)
+"""For each of two hundred records: most of their fields are of the same few types."""
 
 
 @cache

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -29,10 +29,8 @@ from messages.sensor import Range
 from messages.std import Empty
 from tests.harness.cases import case
 from tests.messages.ros_values import assert_same, ros_view, with_float32
-from tests.messages.strategies import DETERMINISTIC, values
+from tests.messages.strategies import DETERMINISTIC, FEW, values
 
-FEW = settings(DETERMINISTIC, max_examples=15)
-"""Examples of each record: what matters is that there are some of every one."""
 STORE = get_typestore(Stores.ROS2_JAZZY)
 RECORDED = sorted(
     {ROS_RECORDS.get(each, each) for each in RECORDS.values()} | set(EXTRAS.values()), key=lambda each: each.ROS_TYPE

@@ -5,22 +5,24 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import IO
 from xml.sax.saxutils import quoteattr
 
 import pytest
 
 import deploy.bench
-from deploy.bench import fleet, lockstep, ros1, scale, wire
+from deploy.bench import barrier, fleet, lockstep, ros1, scale, wire
 from deploy.bench.figures import FIGURE_PROPERTY, Figure, ratios, read_figures
 from deploy.bench.lockstep import Span, build_schedule, fleet_robots, raw_factor
 from messages.geometry import Twist
 from messages.joints import JointEffort
 from services.runtime.process import ROOT
 from services.runtime.step import STEP_NS
-from tests.harness.fork_server import ForkedProcess
+from tests.harness.fork_server import ForkedProcess, run_module
 
 SPAN = Span(1.0, 2.0)
 ROS1 = {
@@ -42,10 +44,15 @@ name = "arm"
 model = "arm"
 pose = { x = -2.0 }
 services = [{ kind = "arm" }, { kind = "reference" }]
-[[service]]
-kind = "logger"
 """
-"""One of each kind of what ``lab`` has that the figures are about."""
+"""One of each kind of what ``lab`` has that the figures are about, without its recordings."""
+IDLE = """
+name = "idle"
+[[robot]]
+name = "tb3_0"
+model = "burger"
+"""
+"""What ``bare`` has that its figures are about."""
 MEASURED_BY_TESTS = ("help_cpu_s", "panel_cpu_percent", "page_drawings_per_s", "supervisor_cpu_percent")
 
 
@@ -82,6 +89,8 @@ def short_measurements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Few messages and robots, little simulation time."""
     few = tmp_path / "few.toml"
     few.write_text(FLEET)
+    idle = tmp_path / "idle.toml"
+    idle.write_text(IDLE)
     monkeypatch.setattr(wire, "TRIPS", 50)
     monkeypatch.setattr(wire, "MESSAGES", 500)
     monkeypatch.setattr(wire, "TRIES", 2)
@@ -91,8 +100,11 @@ def short_measurements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(scale, "ENGINES", ("mujoco",))
     monkeypatch.setattr(scale, "FROM_S", 1.0)
     monkeypatch.setattr(scale, "LENGTH_S", 1.0)
-    monkeypatch.setattr(fleet, "FROM_S", 1.0)
-    monkeypatch.setattr(fleet, "TO_S", 2.0)
+    monkeypatch.setattr(fleet, "IDLE_FLEET", str(idle))
+    monkeypatch.setattr(fleet, "FROM_S", 0.2)
+    monkeypatch.setattr(fleet, "TO_S", 0.7)
+    monkeypatch.setattr(ros1, "BESIDE", str(idle))
+    monkeypatch.setattr(ros1, "BESIDE_FROM_S", 0.2)
     monkeypatch.setattr(ros1, "TRIPS", 20)
     monkeypatch.setattr(ros1, "BUSY_FROM_S", 0.2)
     monkeypatch.setattr(ros1, "BUSY_S", 0.5)
@@ -100,25 +112,32 @@ def short_measurements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(ros1, "LAP_ROBOTS", 1)
 
 
-class ForkedFleet(ForkedProcess):
-    """The command of a fleet, forked with all its services: how long Python takes to start is measured elsewhere."""
+class ForkedCommand(ForkedProcess):
+    """``python -P -m MODULE``, forked with all that it starts: how long Python takes to start is measured elsewhere."""
 
-    def __init__(self, command: Sequence[str], stdout: int, stderr: int) -> None:
-        super().__init__(command[3], command[4:], ROOT, os.environ, log=subprocess.DEVNULL)
+    def __init__(self, command: Sequence[str], stdout: IO[bytes] | int, stderr: IO[bytes] | int, **_: bool) -> None:
+        assert command[:3] == [sys.executable, "-P", "-m"]
+        super().__init__(command[3], command[4:], ROOT, os.environ, log=stdout)
+
+
+def run_forked(command: Sequence[str], **_: object) -> subprocess.CompletedProcess[str]:
+    return run_module(command[3], *command[4:])
 
 
 @pytest.fixture
-def forked_fleets(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fleets whose start costs little."""
+def forked_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fleets, partners and programs whose start costs little."""
 
-    class Popen:
-        Popen, DEVNULL = ForkedFleet, subprocess.DEVNULL
+    class Forking:
+        Popen, PIPE, DEVNULL = ForkedCommand, subprocess.PIPE, subprocess.DEVNULL
+        run = staticmethod(run_forked)
 
-    monkeypatch.setattr(fleet, "subprocess", Popen)
+    for each in (barrier, fleet, ros1, wire):
+        monkeypatch.setattr(each, "subprocess", Forking)
 
 
 @pytest.mark.fleet
-@pytest.mark.usefixtures("short_measurements", "forked_fleets")
+@pytest.mark.usefixtures("short_measurements", "forked_commands")
 def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     measured = deploy.bench.measure(1)
     status = deploy.bench.report(measured, as_json=True)
@@ -126,7 +145,7 @@ def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> N
     assert {"echo_p50_ratio", "throughput_ratio", "lockstep_ratio", "barrier_ratio", "start_s"} <= figures.keys()
     assert {"scans_ratio", "scans_per_s", "scans_loss_percent", "throughput_loss_percent"} <= figures.keys()
     assert {"scan_encode_us", "scan_decode_us", "scan_list_us", "odometry_decode_us"} <= figures.keys()
-    assert {"lockstep_cpu_sim_ms", "lockstep_cpu_waypoint_ms", "lockstep_cpu_logger_ms"} <= figures.keys()
+    assert {"lockstep_cpu_sim_ms", "lockstep_cpu_waypoint_ms", "lockstep_cpu_reference_ms"} <= figures.keys()
     assert {"idle_cpu_sim_percent", "memory_sim_mib", "memory_router_mib"} <= figures.keys()
     assert figures.keys() >= ROS1
     assert figures.keys() >= {f"swarm_mujoco_2_{how}_{name}" for how in scale.SHARED for name in SCALE}

@@ -42,14 +42,18 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
     up = terminal.start("up", str(fleet), "--report", str(terminal.results), "--no-view", "--no-picture", "--no-saved")
     try:
         wait_until(lambda: (tmp_path / "results" / "processes.json").exists(), 60, "a run")
-        before = terminal.wait_until_ready("r/waypoint", 0)
-        pids = {
-            terminal.wait_until_ready(name, 0)["pid"] for name in ("router", "sim", "params", "grader", "r/waypoint")
-        }
+        names = ("router", "sim", "params", "grader", "r/waypoint")
+
+        def all_ready() -> bool:
+            shown = terminal.processes()
+            return all(shown[each]["state"] == "ready" for each in names)
+
+        wait_until(all_ready, 60, "all processes", every=0.1)
+        pids = {name: each["pid"] for name, each in terminal.processes().items()}
         with open_transport(router_endpoint(terminal.port)) as transport:
             call(transport, SUPERVISOR_STOP, key(SUPERVISOR_STOP.name), Name(name="r/waypoint"), 20.0)
-            wait_until(lambda: has_ended(before["pid"]))
-            wait_until(lambda: terminal.processes()["r/waypoint"]["state"] == "stopped", 30)
+            wait_until(lambda: has_ended(pids["r/waypoint"]))
+            wait_until(lambda: terminal.processes()["r/waypoint"]["state"] == "stopped", 30, every=0.1)
             asked = key(SUPERVISOR_START.name)
             both = [transport.query_async(asked, encode(Name(name="r/waypoint")), 20.0) for _ in range(2)]
             wait_until(lambda: all(each.poll() is not None for each in both), 30)
@@ -62,7 +66,7 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
         assert "killing its supervisor" not in err
         assert up.wait(10) in (0, 1)
         assert terminal.report()["run"]["ended"] == "stopped"
-        assert [pid for pid in (*pids, hung) if pid and not has_ended(pid)] == []
+        assert [pid for pid in (*pids.values(), hung) if pid and not has_ended(pid)] == []
     finally:
         terminal.start("down").communicate(timeout=90)
         up.communicate(timeout=30)

@@ -69,9 +69,18 @@ def ran(terminal: FleetCommandLine, *arguments: str) -> Process:
 
 
 def test_run_joins_the_fleet_that_runs(terminal: FleetCommandLine) -> None:
-    for arguments in (("run", "mine.py"), ("run", "mine.py", "--port", str(terminal.port), "--name", "other")):
-        with ran(terminal, *arguments) as mine:
-            wait_until(lambda: "tick" in mine.text, 30, f"ticks of {arguments}")
+    """And where it is led elsewhere and sees no clock, it names the fleets that run."""
+    nowhere = f"tcp/127.0.0.1:{free_port()}"
+    with ran(terminal, "run", "mine.py", "--connect", nowhere, "--name", "lost") as lost:
+        for arguments in (("run", "mine.py"), ("run", "mine.py", "--port", str(terminal.port), "--name", "other")):
+            with ran(terminal, *arguments) as mine:
+                wait_until(lambda: "tick" in mine.text, 30, f"ticks of {arguments}")
+        _refuses_another_port(terminal)
+        wait_until(lambda: "no clock for" in lost.text, 30)
+        assert f"Fleets that run here: one (port {terminal.port}, domain apart)" in lost.text
+
+
+def _refuses_another_port(terminal: FleetCommandLine) -> None:
     for arguments in (("run", "--port", "1", "mine.py"), ("ps", "--port", "1")):
         process = terminal.start(*arguments)
         _, err = process.communicate(timeout=60)
@@ -79,13 +88,6 @@ def test_run_joins_the_fleet_that_runs(terminal: FleetCommandLine) -> None:
         assert "no fleet is running on port 1: choose one of --fleet one" in err
     (fleet,) = json.loads(terminal.run("ps", "--json", "--port", str(terminal.port)))
     assert fleet["domain"] == "apart"
-
-
-def test_controller_without_a_clock_names_the_fleets_that_run(terminal: FleetCommandLine) -> None:
-    nowhere = f"tcp/127.0.0.1:{free_port()}"
-    with ran(terminal, "run", "mine.py", "--connect", nowhere, "--name", "lost") as lost:
-        wait_until(lambda: "no clock for" in lost.text, 30)
-        assert f"Fleets that run here: one (port {terminal.port}, domain apart)" in lost.text
 
 
 def test_help_of_run_says_how_it_was_called(terminal: FleetCommandLine) -> None:

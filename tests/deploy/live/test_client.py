@@ -23,16 +23,16 @@ def test_it_drives_and_reads(client: Client) -> None:
         assert client.topics()["/tb3_0/odom"] == "nav_msgs/Odometry"
         before = client.latest(GROUND_TRUTH.of("tb3_0")).pose.pose.position.x
         began = client.time()
-        client.publish(CMD_VEL.of("tb3_0"), Twist(linear=Vector3(x=0.1)), seconds=2.0)
-        client.wait(1.0)
-        assert client.time() - began >= 3.0
+        client.publish(CMD_VEL.of("tb3_0"), Twist(linear=Vector3(x=0.1)), seconds=1.0)
+        client.wait(0.5)
+        assert client.time() - began >= 1.5
         driven = client.next(GROUND_TRUTH.of("tb3_0")).pose.pose.position.x - before
-        # Two seconds at 0.1 m/s, a little less to gather speed, and what is left until the last command is too old.
-        assert 0.18 < driven < 0.26
+        # One second at 0.1 m/s, a little less to gather speed, and what is left until the last command is too old.
+        assert 0.08 < driven < 0.16
         assert len(client.messages(ODOM.of("tb3_0"))) == 0
-        client.wait(1.0)
+        client.wait(0.5)
         stamps = [each.header.stamp.ns for each in client.messages(ODOM.of("tb3_0"))]
-        assert len(stamps) >= 20
+        assert len(stamps) >= 10
         assert stamps == sorted(stamps)
 
 

@@ -18,6 +18,7 @@ from messages.requests import SIM_REQUESTS
 from models.yaml_reader import read_yaml
 from services.runtime.process import ROOT
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
+from tests.harness.fork_server import run_verb
 from tests.harness.waiting import wait_until
 
 
@@ -109,20 +110,16 @@ def test_a_rate_survives_a_reset(running: BackgroundFleet) -> None:
     assert "average rate: 25.000 by simulation time" in ended.out.splitlines()[-5]
 
 
-def completed(running: BackgroundFleet, *words: str, **environment: str) -> list[str]:
+def completed(running: BackgroundFleet, *words: str) -> list[str]:
     """What bash gets for these words, of which the last one is being typed."""
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", "deploy"],
+    done = run_verb(
         env={
             **running.command_line.environment,
             "_ELEA_COMPLETE": "bash_complete",
             "COMP_WORDS": " ".join(("./elea", *words)),
             "COMP_CWORD": str(len(words)),
-            **environment,
         },
-        capture_output=True,
-        text=True,
-        timeout=30,
+        within=30.0,
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""

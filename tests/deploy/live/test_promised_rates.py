@@ -33,7 +33,7 @@ STAMPLESS = {"/tb3_0/cmd_vel"}
 STEADY = ("/clock", "/tf", *(f"/tb3_0/{each}" for each in BURGER), "/p3dx/sonar")
 RANGES, SONARS = "/p3dx/sonar/range", 16
 """Sixteen messages at each instant."""
-COUNT = 60
+COUNT = 40
 
 
 @pytest.fixture(scope="module")

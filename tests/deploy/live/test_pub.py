@@ -45,7 +45,7 @@ def test_a_robot_drives_until_it_ends(running: BackgroundFleet, node: Node) -> N
     with running.start("topic", "pub", "/tb3_0/cmd_vel", TWIST) as process:
         wait_until(lambda: speed(truth.wait_next()) > 0.099, WITHIN_S, "a robot that drives")
         began = len(truth.received())
-        truth.wait_after(2.0)
+        truth.wait_after(1.0)
         driven = [speed(each) for each in truth.received()[began:]]
         assert sum(driven) / len(driven) > 0.09
         assert status.wait_next().source.startswith("/_pub_")
@@ -133,12 +133,12 @@ def test_a_new_topic_with_a_type(running: BackgroundFleet) -> None:
 
 
 def test_waiting_for_subscribers(running: BackgroundFleet) -> None:
-    ended = running.run("topic", "pub", "-1", "tb3_0/cmd_vle", "geometry_msgs/Twist", "--timeout", "1.5", status=1)
+    ended = running.run("topic", "pub", "-1", "tb3_0/cmd_vle", "geometry_msgs/Twist", "--timeout", "1.2", status=1)
     assert "no subscribers to /tb3_0/cmd_vle; did you mean '/tb3_0/cmd_vel'?" in ended.err
     assert "waiting for 1 subscriber(s) of /tb3_0/cmd_vle, 0 there (-w 0 does not wait)" in ended.err
-    assert "0 of 1 subscribers of /tb3_0/cmd_vle came within 1.5 s" in ended.err
+    assert "0 of 1 subscribers of /tb3_0/cmd_vle came within 1.2 s" in ended.err
     assert running.run("topic", "pub", "-1", "-w", "0", "/lab/none", "std_msgs/Empty").out == "publishing #1: {}\n"
-    running.run("topic", "pub", "-1", "--wait-matching", "9", "tb3_0/cmd_vel", "--timeout", "0.5", status=1)
+    running.run("topic", "pub", "-1", "--wait-matching", "9", "tb3_0/cmd_vel", "--timeout", "0.2", status=1)
 
 
 @pytest.mark.parametrize(

@@ -6,30 +6,35 @@ import json
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 
 import pytest
 
 from tests.harness.background_fleet import BackgroundFleet, external_publisher, interrupt
+from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 
 
-@pytest.mark.parametrize("verb", ["echo", "hz", "bw", "delay"])
-def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet, verb: str) -> None:
-    with running.start("topic", verb, "/tb3_0/odom") as process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        ended = interrupt(process)
-    assert ended.status == 0
-    assert [line for line in ended.err.splitlines() if "lost" not in line] == []
-    last = {"echo": "---", "hz": "lost: ", "bw": "lost: ", "delay": "window:"}[verb]
-    assert last in ended.out.splitlines()[-1]
-
-
-def test_interrupted_before_what_was_asked(running: BackgroundFleet) -> None:
-    with running.start("topic", "hz", "/tb3_0/odom", "-n", "100000") as process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        assert interrupt(process).status == 130
+def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet) -> None:
+    """And with an exit status that tells whether all that was asked has come."""
+    verbs = {
+        ("echo",): (0, "---"),
+        ("hz",): (0, "lost: "),
+        ("bw",): (0, "lost: "),
+        ("delay",): (0, "window:"),
+        ("hz", "-n", "100000"): (130, "lost: "),
+    }
+    with ExitStack() as stack:  # each tells something once a second
+        started = {each: stack.enter_context(running.start("topic", *each, "/tb3_0/odom")) for each in verbs}
+        for each, process in started.items():
+            with case(*each):
+                assert process.stdout is not None
+                process.stdout.readline()
+                ended = interrupt(process)
+                status, last = verbs[each]
+                assert ended.status == status
+                assert [line for line in ended.err.splitlines() if "lost" not in line] == []
+                assert last in ended.out.splitlines()[-1]
 
 
 @pytest.mark.parametrize("topic", ["/tb3_0/odom", "/tb3_0/robot_description"])
@@ -71,13 +76,23 @@ def test_waiting_for_a_topic(running: BackgroundFleet) -> None:
     assert "nothing came on /tb3_0/cmd_vel within 1 s" in silent.err
 
 
+def test_a_topic_that_is_not_there(running: BackgroundFleet) -> None:
+    """Each verb waits for it for a moment."""
+    with ExitStack() as stack:
+        verbs = {
+            each: stack.enter_context(running.start("topic", each, "/tb3_0/odm"))
+            for each in ("echo", "hz", "type", "info")
+        }
+        for verb, process in verbs.items():
+            with case(verb):
+                ended = running.command_line.finish(process)
+                assert (ended.status, ended.out) == (2, "")
+                assert "no topic /tb3_0/odm is on the network; did you mean '/tb3_0/odom'?" in ended.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["echo", "/tb3_0/odm"], "no topic /tb3_0/odm is on the network; did you mean '/tb3_0/odom'?"),
-        (["hz", "/tb3_0/odm"], "no topic /tb3_0/odm is on the network; did you mean '/tb3_0/odom'?"),
-        (["type", "/tb3_0/odm"], "did you mean '/tb3_0/odom'?"),
-        (["info", "/tb3_0/odm"], "did you mean '/tb3_0/odom'?"),
         (["echo", "/tb3_*/odom"], "wildcards are not allowed"),
         (["info", "/tb3_0//odom"], "parts are joined by a single '/'"),
         (["bw", "~odom"], "is private to a node"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from services.runtime.context import ServiceChecks
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
 from tests.deploy.test_run import FleetCommandLine
+from tests.harness.cases import case
 
 STUDENT = """
 from messages.topics import ODOM
@@ -39,8 +41,16 @@ def example() -> str:
     return str(code)
 
 
-@pytest.mark.parametrize("mode", ["lockstep", "real"])
-def test_checks_of_services_count_in_every_mode(tmp_path: Path, mode: str) -> None:
+def test_checks_of_services_count_in_every_mode(tmp_path: Path) -> None:
+    """The modes side by side."""
+    with ThreadPoolExecutor() as pool:
+        for mode, done in [(each, pool.submit(_run_checks, tmp_path / each, each)) for each in ("lockstep", "real")]:
+            with case(mode):
+                done.result()
+
+
+def _run_checks(tmp_path: Path, mode: str) -> None:
+    tmp_path.mkdir()
     desk = FleetCommandLine(tmp_path)
     (tmp_path / "judge.py").write_text(example())
     (tmp_path / "student.py").write_text(STUDENT)

@@ -6,7 +6,7 @@ import asyncio
 import re
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from deploy.supervisor.spawner import Spawner
 from deploy.supervisor.supervisor import Outcome, Supervisor
 from messages.elea import FleetState
 from tests.deploy.supervisor.fake_bus import FakeBus
+from tests.harness.cases import case
 
 
 def faulty_process(script: str, node: str, *arguments: str, **options: Any) -> ProcessSpec:
@@ -38,11 +39,11 @@ class SupervisorHarness:
         self.nursery = Spawner(folder, self.warden)
         self.state_changes: list[tuple[float, str, str]] = []
         self.notes: list[str] = []
-        self._patience, self._grace = patience, grace
+        self.patience, self.grace = patience, grace
 
     def supervisor(self, *processes: ProcessSpec) -> Supervisor:
         made = Supervisor(
-            "test", "real", processes, self.bus, self.nursery, self, stop_timeouts=self._patience, grace=self._grace
+            "test", "real", processes, self.bus, self.nursery, self, stop_timeouts=self.patience, grace=self.grace
         )
         self.lives = made.processes
         return made
@@ -92,6 +93,21 @@ class SupervisorHarness:
             finally:
                 self.warden.close()
         return outcome
+
+
+def play_side_by_side(folder: Path, scenarios: Sequence[Callable[[SupervisorHarness], Awaitable[None]]]) -> None:
+    """Play scenarios beside each other, since most of each is waiting; each in a folder of its own."""
+
+    async def play(scenario: Callable[[SupervisorHarness], Awaitable[None]], name: str) -> None:
+        with case(name):
+            await scenario(SupervisorHarness(folder / name))
+
+    async def play_all() -> None:
+        async with asyncio.TaskGroup() as group:
+            for each in scenarios:
+                group.create_task(play(each, each.__name__))
+
+    asyncio.run(play_all())
 
 
 async def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:

@@ -21,7 +21,7 @@ from tests.deploy.supervisor.supervisor_harness import (
     wait_until,
 )
 
-SILENT_S = HEARTBEAT_TIMEOUT_S + 2.0
+SILENT_S = HEARTBEAT_TIMEOUT_S + 1.0
 """Longer than a process that hangs is left alone."""
 
 
@@ -50,13 +50,3 @@ def test_who_waits_for_a_processor_is_told_from_who_hangs(tmp_path: Path) -> Non
     assert stage.states("starved") == ["waiting", "starting", "ready", "stopping", "stopped"]
     assert outcome.restarts == stage.states("frozen").count("backing off") == 1
     assert HEARTBEAT_TIMEOUT_S - 0.1 < unexcused_silence(stage.log("frozen")) < HEARTBEAT_TIMEOUT_S + 1.0
-
-
-def test_an_endless_loop_is_no_wait_for_a_processor(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-
-    async def watch(supervisor: Supervisor) -> None:
-        await wait_until(lambda: stage.states("a").count("ready") == 2)
-
-    stage.run(watch, faulty_process("spin", "/a"))
-    assert unexcused_silence(stage.log("a")) < HEARTBEAT_TIMEOUT_S + 1.0

@@ -22,7 +22,13 @@ from services.runtime.requests import read_replies
 from services.runtime.transport.api import PendingReplies, QueryServer, Transport
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
-from tests.deploy.supervisor.supervisor_harness import SupervisorHarness, faulty_process, wait_all_ready, wait_until
+from tests.deploy.supervisor.supervisor_harness import (
+    SupervisorHarness,
+    faulty_process,
+    play_side_by_side,
+    wait_all_ready,
+    wait_until,
+)
 from tests.harness.processes import Network
 
 
@@ -38,35 +44,52 @@ def processes(node: str) -> list[psutil.Process]:
     return alive
 
 
+VERBS: tuple[ProcessAction, ...] = ("start", "stop", "restart")
+
+
 def test_two_orders_of_one_turn_leave_one_process_at_most(tmp_path: Path) -> None:
-    verbs: tuple[ProcessAction, ...] = ("start", "stop", "restart")
-    stage = SupervisorHarness(tmp_path)
+    play_side_by_side(tmp_path, (start_and_another, stop_and_another, restart_and_another))
+
+
+async def start_and_another(stage: SupervisorHarness) -> None:
+    await _two_orders(stage, "start", "a")
+
+
+async def stop_and_another(stage: SupervisorHarness) -> None:
+    await _two_orders(stage, "stop", "b")
+
+
+async def restart_and_another(stage: SupervisorHarness) -> None:
+    await _two_orders(stage, "restart", "c")
+
+
+async def _two_orders(stage: SupervisorHarness, first: ProcessAction, name: str) -> None:
     answers = stage.bus.answers
 
     async def order(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
-        life = supervisor.processes["a"]
+        life = supervisor.processes[name]
 
         def settled() -> bool:
             return life.state == ("ready" if life.is_running else "stopped")
 
-        for runs, first, second in product((True, False), verbs, verbs):
+        for runs, second in product((True, False), VERBS):
             if life.is_running != runs:
                 answers.clear()
-                stage.bus.orders.append(("start" if runs else "stop", "a"))
-                await wait_until(lambda: answers and not supervisor.is_busy("a") and settled())
+                stage.bus.orders.append(("start" if runs else "stop", name))
+                await wait_until(lambda: answers and not supervisor.is_busy(name) and settled())
             answers.clear()
-            stage.bus.orders += [(first, "a"), (second, "a")]
-            await wait_until(lambda: len(answers) == 2 and not supervisor.is_busy("a") and settled())
-            assert len(processes("/a")) == life.is_running, (runs, first, second, answers)
+            stage.bus.orders += [(first, name), (second, name)]
+            await wait_until(lambda: len(answers) == 2 and not supervisor.is_busy(name) and settled())
+            assert len(processes(f"/{name}")) == life.is_running, (runs, first, second, answers)
             if (first, second) == ("start", "start"):
-                assert [each.startswith("refused: a is already running") for each in answers] == [runs, True]
+                assert [each.startswith(f"refused: {name} is already running") for each in answers] == [runs, True]
             if "stop" in (first, second) and (first, second) != ("stop", "start"):
                 assert not runs or not life.is_running, "a process that was to be stopped runs"
 
-    outcome = stage.run(order, faulty_process("good", "/a"))
+    outcome = await stage.play(order, faulty_process("good", f"/{name}"))
     assert outcome.ended == "interrupted"
-    assert processes("/a") == []
+    assert processes(f"/{name}") == []
 
 
 class TransportGate:

@@ -18,26 +18,22 @@ from tests.deploy.supervisor.supervisor_harness import (
     SupervisorHarness,
     faulty_process,
     has_ended,
+    play_side_by_side,
     wait_all_ready,
     wait_until,
 )
 
 
-def run_to_end(stage: SupervisorHarness, *processes: ProcessSpec) -> tuple[str, str]:
-    async def run() -> tuple[str, str]:
-        supervisor = stage.supervisor(*processes)
-        outcome = await asyncio.wait_for(supervisor.run(), 30)
-        return outcome.ended, outcome.reason
-
+async def run_to_end(stage: SupervisorHarness, *processes: ProcessSpec) -> tuple[str, str]:
     try:
-        return asyncio.run(run())
+        outcome = await asyncio.wait_for(stage.supervisor(*processes).run(), 30)
+        return outcome.ended, outcome.reason
     finally:
         stage.warden.close()
 
 
-def test_grader_that_finishes_ends_the_run(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-    ended, _ = run_to_end(
+async def grader_that_finishes_ends_the_run(stage: SupervisorHarness) -> None:
+    ended, _ = await run_to_end(
         stage, faulty_process("good", "/a"), faulty_process("brief", "/g", "0.5", kind="grader", required=True)
     )
     assert ended == "graded"
@@ -58,10 +54,9 @@ def test_wall_time_counts_from_when_simulation_time_can_begin(tmp_path: Path) ->
     assert abs(interrupted - stage.time_of("begins", "ready") - outcome.wall_seconds) < 0.1
 
 
-def test_required_process_that_fails_ends_the_fleet(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
+async def required_process_that_fails_ends_the_fleet(stage: SupervisorHarness) -> None:
     crash = faulty_process("crash_later", "/r", "0.3", required=True, policy=FAST_POLICY)
-    ended, reason = run_to_end(stage, faulty_process("good", "/a"), crash)
+    ended, reason = await run_to_end(stage, faulty_process("good", "/a"), crash)
     assert ended == "failed"
     assert reason.startswith("r failed: exit status 1; restarted 3 times")
     assert stage.states("a")[-1] == "stopped"
@@ -73,37 +68,35 @@ async def its_node_has_ended(supervisor: Supervisor) -> None:
     await wait_until(lambda: supervisor.processes["c"].activity == "stopping")
 
 
-def test_a_process_that_is_about_to_crash_has_crashed_though_its_fleet_ends(tmp_path: Path) -> None:
+async def a_process_that_is_about_to_crash_has_crashed_though_its_fleet_ends(stage: SupervisorHarness) -> None:
     """Its traceback takes a while; a run in lockstep may be over within that."""
-    stage = SupervisorHarness(tmp_path)
-    outcome = stage.run(its_node_has_ended, faulty_process("end_slowly", "/c", "0.5"), faulty_process("good", "/a"))
+    outcome = await stage.play(
+        its_node_has_ended, faulty_process("end_slowly", "/c", "0.5"), faulty_process("good", "/a")
+    )
     assert outcome.failed_nodes == ("/c",)
     assert stage.states("c")[-1] == "failed"
     assert stage.states("a")[-1] == "stopped"
 
 
-def test_a_process_whose_node_has_ended_and_that_does_not_end_is_asked_to(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-    outcome = stage.run(its_node_has_ended, faulty_process("end_slowly", "/c", "60"))
+async def a_process_whose_node_has_ended_and_that_does_not_end_is_asked_to(stage: SupervisorHarness) -> None:
+    outcome = await stage.play(its_node_has_ended, faulty_process("end_slowly", "/c", "60"))
     assert outcome.failed_nodes == ()
     assert stage.states("c")[-2:] == ["stopping", "stopped"]
 
 
-def test_required_process_that_finishes_too_early_ends_the_fleet(tmp_path: Path) -> None:
-    ended, reason = run_to_end(
-        SupervisorHarness(tmp_path), faulty_process("good", "/a"), faulty_process("brief", "/r", "0.3", required=True)
+async def required_process_that_finishes_too_early_ends_the_fleet(stage: SupervisorHarness) -> None:
+    ended, reason = await run_to_end(
+        stage, faulty_process("good", "/a"), faulty_process("brief", "/r", "0.3", required=True)
     )
     assert (ended, reason) == ("failed", "r finished: exit status 0")
 
 
-def test_finished_service_is_not_restarted(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-
+async def finished_service_is_not_restarted(stage: SupervisorHarness) -> None:
     async def watch(supervisor: Supervisor) -> None:
         await wait_until(lambda: supervisor.processes["a"].state == "finished")
         await asyncio.sleep(0.3)
 
-    assert stage.run(watch, faulty_process("brief", "/a", "0.2")).restarts == 0
+    assert (await stage.play(watch, faulty_process("brief", "/a", "0.2"))).restarts == 0
     assert stage.states("a")[-1] == "finished"
 
 
@@ -114,8 +107,8 @@ def test_deaf_process_is_killed_in_turn(tmp_path: Path) -> None:
     assert stage.bus.published[-1].processes[0].exit_status == -signal.SIGKILL
 
 
-def test_second_interrupt_kills_at_once(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path, patience=(20.0, 20.0))
+async def second_interrupt_kills_at_once(stage: SupervisorHarness) -> None:
+    stage.patience = (20.0, 20.0)
 
     async def twice(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
@@ -124,12 +117,11 @@ def test_second_interrupt_kills_at_once(tmp_path: Path) -> None:
         supervisor.interrupt()
 
     started = time.monotonic()
-    stage.run(twice, faulty_process("deaf", "/a"))
+    await stage.play(twice, faulty_process("deaf", "/a"))
     assert time.monotonic() - started < 15
 
 
-def test_error_of_the_supervisor_itself_ends_the_fleet_in_order(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
+async def error_of_the_supervisor_itself_ends_the_fleet_in_order(stage: SupervisorHarness) -> None:
     beats = stage.bus.heartbeats
 
     def fail_once_ready() -> Sequence[Health]:
@@ -138,32 +130,47 @@ def test_error_of_the_supervisor_itself_ends_the_fleet_in_order(tmp_path: Path) 
         return beats()
 
     stage.bus.heartbeats = fail_once_ready  # type: ignore[method-assign]
-    ended, reason = run_to_end(stage, faulty_process("good", "/a"))
+    ended, reason = await run_to_end(stage, faulty_process("good", "/a"))
     assert (ended, reason) == ("failed", "internal error of the supervisor (watch): RuntimeError: the bus broke")
     assert stage.states("a")[-1] == "stopped"
 
 
-def test_grandchild_goes_with_its_group(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
+async def grandchild_goes_with_its_group(stage: SupervisorHarness) -> None:
     pids = []
 
     async def watch(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
-        pids.append(int((tmp_path / "grandchild").read_text()))
+        pids.append(int((stage.folder / "grandchild").read_text()))
         assert not has_ended(pids[0])
 
-    stage.run(watch, faulty_process("parent", "/a"))
+    await stage.play(watch, faulty_process("parent", "/a"))
     assert has_ended(pids[0])
 
 
-def test_grandchild_of_a_process_that_crashed_goes_before_the_restart(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-
+async def grandchild_of_a_process_that_crashed_goes_before_the_restart(stage: SupervisorHarness) -> None:
     async def watch(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
-        first = int((tmp_path / "grandchild").read_text())
+        first = int((stage.folder / "grandchild").read_text())
         psutil.Process(supervisor.processes["a"].state_message().pid).kill()
         await wait_until(lambda: stage.states("a").count("ready") == 2)
         assert has_ended(first)
 
-    stage.run(watch, faulty_process("parent", "/a"))
+    await stage.play(watch, faulty_process("parent", "/a"))
+
+
+def test_ends(tmp_path: Path) -> None:
+    play_side_by_side(
+        tmp_path,
+        (
+            grader_that_finishes_ends_the_run,
+            required_process_that_fails_ends_the_fleet,
+            a_process_that_is_about_to_crash_has_crashed_though_its_fleet_ends,
+            a_process_whose_node_has_ended_and_that_does_not_end_is_asked_to,
+            required_process_that_finishes_too_early_ends_the_fleet,
+            finished_service_is_not_restarted,
+            second_interrupt_kills_at_once,
+            error_of_the_supervisor_itself_ends_the_fleet_in_order,
+            grandchild_goes_with_its_group,
+            grandchild_of_a_process_that_crashed_goes_before_the_restart,
+        ),
+    )

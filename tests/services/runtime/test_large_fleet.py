@@ -46,7 +46,7 @@ from services.runtime.node import Node
 from services.runtime.step import STEP_NS
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
-from services.sim.engines import default_engine, open_world
+from services.sim.engines import open_world
 from services.sim.parameters import RobotEntry
 from services.sim.services import SimulationServices
 from services.sim.simulation import TF_STEPS, Simulation
@@ -93,10 +93,10 @@ def network() -> Network:
 
 @pytest.fixture(scope="module")
 def simulation_and_node(network: Network) -> Iterator[tuple[Simulation, Node]]:
-    """Three hundred burgers that stand, two metres apart."""
+    """Three hundred burgers that stand, two metres apart; what is told of them is the same on each engine."""
     with (
         memory_node(network.bus, "sim") as simulation,
-        open_world(default_engine(), WorldDescription(), STEP_NS) as world,
+        open_world("mujoco", WorldDescription(), STEP_NS) as world,
     ):
         made = Simulation(simulation, world, 0)
         tell, made.publish_static_tf = made.publish_static_tf, lambda: None  # type: ignore[method-assign]

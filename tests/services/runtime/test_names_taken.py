@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from messages.names import Identity
+from services.runtime import name_claim
 from services.runtime.discovery import DIRECTORY_KEY, known_nodes
 from services.runtime.errors import TryAgain
 from services.runtime.graph import REPLACED, snapshot
@@ -88,7 +89,9 @@ def test_what_else_answers_for_the_register_is_not_believed(network: Network) ->
             liar.join()
 
 
-def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(network: Network) -> None:
+def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(
+    network: Network, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked: list[str] = []
     with transport(network) as first, transport(network) as second, ExitStack() as stack:
         old, new = node(first, "talker"), node(second, "talker")
@@ -101,5 +104,6 @@ def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(network: Network)
             taken.join(0.01)
         assert asked == [REPLACED]
         assert {each.session for each in snapshot(second) if each.node == "/talker"} >= {second.session}
+        monkeypatch.setattr(name_claim, "TAKEOVER_S", 0.1)  # nobody goes
         with transport(network) as third, pytest.raises(TryAgain, match="already there"), node(third, "talker"):
             pass  # one of another kind is refused as ever

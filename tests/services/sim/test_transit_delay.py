@@ -10,7 +10,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from math import ceil, inf
+from math import ceil, floor
 from typing import Literal
 
 import pytest
@@ -55,22 +55,25 @@ class History:
     latency: tuple[float, float] = (0.001, 0.01)
     chance: random.Random = field(default_factory=lambda: random.Random(1))
 
-    def sums(self, at: float, *kinds: Kind) -> float:
-        """By how much clocks have been set until ``at``."""
-        return sum(each.size for each in self.events if each.kind in kinds and each.at <= at)
+    def of(self, *kinds: Kind) -> tuple[Event, ...]:
+        """The events of some kinds."""
+        return tuple(each for each in self.events if each.kind in kinds)
 
     def samples(self) -> Iterator[tuple[float, float, float, bool]]:
         """When each was sent, when it arrives, its stamp, and whether that is forged."""
-        arrived, forged = 0.0, {each.at: each for each in self.events if each.kind == "forged"}
-        for number in range(ceil(self.seconds * self.rate)):
+        arrived, forged = 0.0, {each.at: each for each in self.of("forged")}
+        pauses, steps, delays = self.of("silence", "sender"), self.of("step", "both"), self.of("link", "sender")
+        number, count = -1, ceil(self.seconds * self.rate)
+        while (number := number + 1) < count:
             sent = number / self.rate
-            if any(each.at <= sent < each.at + each.size for each in self.events if each.kind in ("silence", "sender")):
+            if ends := [each.at + each.size for each in pauses if each.at <= sent < each.at + each.size]:
+                number = max(number, floor(max(ends) * self.rate) - 1)
                 continue
-            stamp = EPOCH + sent + self.offset + self.drift * sent + self.sums(sent, "step", "both")
+            stamp = EPOCH + sent + self.offset + self.drift * sent + set_by(steps, sent)
             arrival = sent + self.chance.uniform(*self.latency)
-            for each in self.events:
+            for each in delays:
                 # A frozen sender's last half second waits in its buffers, all that is sent meanwhile on a stuck link.
-                begin = {"link": each.at, "sender": each.at - 0.5}.get(each.kind, inf)
+                begin = each.at if each.kind == "link" else each.at - 0.5
                 if begin <= sent < each.at + each.size:
                     arrival = max(arrival, each.at + each.size)
             arrived = max(arrived, ceil(arrival / TICK) * TICK)
@@ -81,15 +84,21 @@ class History:
                 yield sent, arrived, stamp, False
 
 
+def set_by(steps: tuple[Event, ...], at: float) -> float:
+    """By how much clocks have been set until ``at``, s."""
+    return sum(each.size for each in steps if each.at <= at)
+
+
 class Receiver:
     """The ages of one history's samples, by clocks that are the test's."""
 
     def __init__(self, history: History) -> None:
         self.history, self.now, self.number = history, 0.0, 0
+        self.steps = history.of("both", "local")
         self.ages = TransitDelayEstimator(self._wall, lambda: round(self.now * 1e9))
 
     def _wall(self) -> int:
-        return round((EPOCH + self.now + self.history.sums(self.now, "both", "local")) * 1e9)
+        return round((EPOCH + self.now + set_by(self.steps, self.now)) * 1e9)
 
     def age(self, arrived: float, stamp: float) -> float:
         self.now, self.number = arrived, self.number + 1

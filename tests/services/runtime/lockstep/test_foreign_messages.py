@@ -30,6 +30,8 @@ from tests.harness.waiting import wait_until
 from tests.services.runtime.lockstep.test_lockstep import Member, Simulation
 
 FAR = 2**62
+ON_ZENOH = pytest.mark.parametrize("connect", ["zenoh"], indirect=True)
+"""For what waits on the wall clock for a message that never comes: it comes as little from the bus in memory."""
 
 
 class LedMember:
@@ -210,6 +212,7 @@ class SilentMember:
         assert not self._thread.is_alive()
 
 
+@ON_ZENOH
 def test_who_never_answers_is_named_and_given_up_and_the_others_go_on(
     connect: Callable[[], Transport], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -232,6 +235,7 @@ def test_who_never_answers_is_named_and_given_up_and_the_others_go_on(
         mute.stop()
 
 
+@ON_ZENOH
 def test_who_beats_is_slow_and_not_dead_for_a_while(
     connect: Callable[[], Transport], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,6 +256,7 @@ def test_who_beats_is_slow_and_not_dead_for_a_while(
         mute.stop()
 
 
+@ON_ZENOH
 def test_time_begins_without_who_never_comes(
     connect: Callable[[], Transport], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
@@ -14,12 +15,14 @@ import pytest
 from messages.sensor import JointState
 from messages.topics import JOINT_STATES
 from services.runtime.step import STEP_NS
+from tests.harness.cases import case
 from tests.harness.message_recorder import WITHIN_S, MessageRecorder
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
 from tests.services.sim.joints.pd_controller import __file__ as PD
 
 NODE = "/arm/pd"
+MODES = ("lockstep", "real")
 
 
 @contextmanager
@@ -46,18 +49,27 @@ def at(states: MessageRecorder[JointState], seconds: float) -> dict[int, tuple[f
 
 
 def test_lockstep_repeats_bit_for_bit(tmp_path: Path) -> None:
-    runs = []
-    for name in ("one", "other"):
+    def run(name: str) -> dict[int, tuple[float, float]]:
         with arm(tmp_path / name, mode="lockstep", latency=1) as (_, states):
-            runs.append(at(states, 3.0))
+            return at(states, 3.0)
+
+    with ThreadPoolExecutor() as pool:
+        runs = list(pool.map(run, ("one", "other")))
     both = [stamp for stamp in runs[0] if stamp in runs[1]]
     assert len(both) > 300
     assert [runs[0][stamp] for stamp in both] == [runs[1][stamp] for stamp in both]
     assert runs[0][max(both)][0] == pytest.approx(29.626, abs=0.01)
 
 
-@pytest.mark.parametrize("mode", ["lockstep", "real"])
-def test_a_killed_controller_lets_go_when_its_last_job_ends(tmp_path: Path, mode: str) -> None:
+def test_a_killed_controller_lets_go_when_its_last_job_ends(tmp_path: Path) -> None:
+    """In both modes, side by side."""
+    with ThreadPoolExecutor() as pool:
+        for mode, done in [(each, pool.submit(_kill_a_controller, tmp_path / each, each)) for each in MODES]:
+            with case(mode):
+                done.result()
+
+
+def _kill_a_controller(tmp_path: Path, mode: str) -> None:
     with arm(tmp_path, mode=mode) as (controller, states):
         at(states, 1.0)
         controller.kill()

@@ -87,11 +87,17 @@ def test_a_dead_stop_does_not_tip_it(spawn: Spawner) -> None:
     assert tilt(drive_robots([robot], 0.0, 0.0, 2.0)) < 6.0
 
 
-@pytest.mark.parametrize("speed", [0.75, 1.2])
-@pytest.mark.parametrize("degrees", [0, 10, 30, 45, 60, 75, 80, 85, 88])
-@pytest.mark.parametrize("height", [1.0, 0.1])
+CRASHES = [
+    (degrees, *either)
+    for number, degrees in enumerate((0, 10, 30, 45, 60, 75, 80, 85, 88))
+    for either in (((0.75, 1.0), (1.2, 0.1)) if number % 2 else ((1.2, 1.0), (0.75, 0.1)))
+]
+"""Angles, speeds and heights of walls: each two values of them meet."""
+
+
+@pytest.mark.parametrize(("degrees", "speed", "height"), CRASHES)
 def test_a_wall_is_pushed_and_grazed_on_all_wheels(
-    speed: float, degrees: float, height: float, new_world: NewWorld
+    degrees: float, speed: float, height: float, new_world: NewWorld
 ) -> None:
     """``degrees`` is the angle to the wall's normal: 0 runs into it, 88 slides along it."""
     angle = math.radians(degrees)
