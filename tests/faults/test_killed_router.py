@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from deploy.supervisor.heartbeat_monitor import RECOVERY_S
-from services.runtime.heartbeat import PERIOD_S
 from services.runtime.graph import snapshot
+from services.runtime.heartbeat import PERIOD_S
 from tests.faults.supervised_fleet import WITHIN_S, SupervisedFleet
 from tests.harness.robot_recorder import FULL_SPEED
 from tests.harness.waiting import wait_until
