@@ -169,10 +169,10 @@ class Pioneer:
         return found
 
 
-@pytest.fixture
-def pioneer(tmp_path: Path) -> Iterator[Pioneer]:
+@pytest.fixture(scope="module")
+def pioneer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pioneer]:
     robots = [{"name": "RosAria", "model": "p3dx", "parameters": {**DRIVE, "cmd_vel_timeout": PATIENCE_S}}]
-    with Network(tmp_path) as network:
+    with Network(tmp_path_factory.mktemp("pioneer")) as network:
         network.start("sim", "--param", f"robots={json.dumps(robots)}", "--param", "mode=real")
         with network.node() as node:
             yield Pioneer(network, node)
@@ -228,22 +228,21 @@ def test_loss_of_odometry_stops_the_robot_until_it_is_back(pioneer: Pioneer) -> 
     wait_until(cruising, WITHIN_S, "0.2 m/s again")
     assert pioneer.status.received()[-1].state == "driving"
     assert square.status is None
+    square.stop()
 
 
-def test_without_odometry_from_the_start_it_waits(tmp_path: Path) -> None:
-    with Network(tmp_path) as network:
-        network.start("sim", "--param", "robots=[]")
-        square = network.start("square", "--namespace", "RosAria", "--param", "log=")
-        wait_until(lambda: "no odometry on /RosAria/odom" in square.text, 30.0, "its complaint")
-        assert square.status is None
+def test_without_odometry_from_the_start_it_waits(pioneer: Pioneer) -> None:
+    square = pioneer.network.start("square", "--namespace", "nobody", "--param", "log=")
+    wait_until(lambda: "no odometry on /nobody/odom" in square.text, 30.0, "its complaint")
+    assert square.status is None
+    square.stop()
 
 
-def test_a_log_that_cannot_be_written_is_told_before_anything_moves(tmp_path: Path) -> None:
-    with Network(tmp_path) as network:
-        for log in ("missing/square.csv", "."):
-            with case(log):
-                square = network.start("square", "--param", f"log={tmp_path / log}")
-                assert square.wait(20.0) == 2
-                assert f"the log {tmp_path / log}".removesuffix("/.") in square.text
-                assert "choose another path with the parameter log" in square.text
-                assert "Traceback" not in square.text
+def test_a_log_that_cannot_be_written_is_told_before_anything_moves(pioneer: Pioneer, tmp_path: Path) -> None:
+    for log in ("missing/square.csv", "."):
+        with case(log):
+            square = pioneer.network.start("square", "--param", f"log={tmp_path / log}")
+            assert square.wait(20.0) == 2
+            assert f"the log {tmp_path / log}".removesuffix("/.") in square.text
+            assert "choose another path with the parameter log" in square.text
+            assert "Traceback" not in square.text
