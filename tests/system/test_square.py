@@ -15,6 +15,7 @@ import jsonschema
 import matplotlib.image
 import pytest
 
+from deploy.fleet_file import find_fleet
 from deploy.report.record import SCHEMA_FILE
 from messages.geometry import STOP
 from messages.nav import Odometry
@@ -27,6 +28,7 @@ from tests.harness.command_line import CommandLine, CommandResult
 from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, distance, speed, time_of
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
+from tests.system.short_fleets import without_logger
 
 DRIVE = {"ramp": "base", "linear": {"max_acceleration": 0.3}, "angular": {"max_acceleration": 1.745329}}
 """The tutorial's limits."""
@@ -35,12 +37,16 @@ PATIENCE_S = 5.0
 
 
 class Run:
-    """A fleet's run to its report, in a folder of its own."""
+    """A fleet's run to its report, in a folder of its own; only the first is recorded."""
 
-    def __init__(self, folder: Path, fleet: str, *options: str) -> None:
+    def __init__(self, folder: Path, name: str, *options: str) -> None:
         self.results = folder / "results"
         folder.mkdir()
         terminal, picture = CommandLine(folder), folder.name == "first"
+        fleet: str | Path = name
+        if not picture:
+            fleet = folder / f"{name}.toml"
+            fleet.write_text(without_logger(find_fleet(name)))
         self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options, picture=picture)
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
