@@ -201,9 +201,10 @@ class SupervisorNode:
     def publish(self, state: FleetState) -> None:
         self._state.publish(state)
 
-    def answer_requests(self, carry_out: ActionHandler) -> None:
+    def answer_requests(self, carry_out: ActionHandler) -> bool:
         self._carry_out = carry_out
         self._node.spin_once()
+        return any(each.waiting for each in self._node.request_server.served)
 
     def _handle_action(self, verb: ProcessAction, name: Name) -> Done:
         assert self._carry_out is not None

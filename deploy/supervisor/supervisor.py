@@ -47,15 +47,16 @@ class FleetBus(Protocol):
         """Publish the state of the fleet; late subscribers get the last one."""
         ...
 
-    def answer_requests(self, handle_action: ActionHandler) -> None:
-        """Answer the orders that wait."""
+    def answer_requests(self, handle_action: ActionHandler) -> bool:
+        """Answer some of the orders that wait; whether more do."""
         ...
 
 
 POLL_PERIOD_S = 0.1
 """Wall time between two looks at heartbeats and orders."""
-START_POLL_PERIOD_S = 0.02
-"""The same while a process starts: others wait until its first heartbeat is seen, and the start is a chain of such."""
+BUSY_POLL_PERIOD_S = 0.02
+"""The same while orders wait, and while a process starts: others wait until its first heartbeat is seen, and the start
+is a chain of such."""
 
 LATE_POLL_S = 0.5
 """Delay [s] of a turn after which silence of the processes does not count: the supervisor itself did not run."""
@@ -262,10 +263,10 @@ class Supervisor:
             unheard = self._heartbeats_blocked(now)
             for life in self.processes.values():
                 life.check_heartbeat(now, late or unheard, starting=not self._clock_started)
-            self._bus.answer_requests(self.handle_action)
+            more = self._bus.answer_requests(self.handle_action)
             self._observer.on_poll(tuple(self.processes.values()))
             starts = any(life.state == "starting" for life in self.processes.values())
-            await asyncio.sleep(START_POLL_PERIOD_S if starts else POLL_PERIOD_S)
+            await asyncio.sleep(BUSY_POLL_PERIOD_S if starts or more else POLL_PERIOD_S)
 
     def _heartbeats_blocked(self, now: float) -> bool:
         """Whether heartbeats do not get through, so that silence does not mean a hang; logged once.

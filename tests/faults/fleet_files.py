@@ -45,11 +45,13 @@ STAR = (
 )
 """Everything through the router, which comes back late; the second robot waits for the test to drive it."""
 
+FIRST_PAUSE_S = 0.05
+"""Before the first restart of the service that ends at once [s]."""
 BROKEN = (
     FLEET_HEADER.format(topology="direct")
     + robot_table(0, waypoint_entry(0))
     + "".join(_service(f"raise_in_{place}") for place in ("loop", "thread", "timer", "answer"))
-    + _service("crash_at_once")
+    + _service("crash_at_once", f"restart = {{ first = {FIRST_PAUSE_S} }}")
 )
 """A robot that must not mind, beside services that raise when told and one that cannot start."""
 

@@ -40,7 +40,7 @@ parameters = {{ controller_type = "tr", duration = {DURATION_S} }}
 [[robot.services]]
 kind = "reference"
 restart = "never"
-parameters = {{ reference_type = "sine", sin_ref_gain = 30.0, sin_ref_f = 0.2 }}
+parameters = {{ reference_type = "sine", sin_ref_gain = 30.0, sin_ref_f = 0.5 }}
 """
 
 
@@ -141,9 +141,9 @@ def test_a_killed_reference_is_held_and_said(swinging: tuple[SupervisedFleet, Ar
 
     def later() -> bool:
         witness.look()
-        return witness.time > since + 2.0
+        return witness.time > since + 1.5
 
-    fleet.wait(later, "two seconds more")
+    fleet.wait(later, "a while more")
     angles = [math.degrees(s.position[0]) for s in witness.joints if s.header.stamp.ns / 1e9 > since + 1.0]
     assert max(angles) - min(angles) < 0.3, "it stands"
     assert all(abs(angle - held) < 0.6 for angle in angles), "where the last reference was"

@@ -28,11 +28,13 @@ DESCRIPTION = (
     FLEET_HEADER.format(topology="direct")
     + robot_table(0, waypoint_entry(0))
     + robot_table(1, waypoint_entry(1))
-    + '\n[[service]]\nkind = "sim"\nrestart = { first = 0.2 }\n'
+    + '\n[[service]]\nkind = "sim"\nrestart = { first = 0.2, longest = 0.2 }\n'
     + '\n[[service]]\nkind = "panel"\nrestart = { first = 0.2 }\nparameters = { port = 0 }\n'
 )
 FREE = "tb3_1"
 """The robot that nobody stops: it shows that its controller drives, and time runs."""
+COMMANDED = 10
+"""Commands of 25 Hz by which a robot that is not stopped would be at full speed."""
 
 
 class EmergencyStopHarness:
@@ -112,7 +114,7 @@ class EmergencyStopHarness:
             lambda: (
                 other.samples[-1].sent > since
                 and other.speed > 0.1
-                and len(self.robot.command_instants) > commands + 25
+                and len(self.robot.command_instants) > commands + COMMANDED
             ),
             "the other robot at speed, and a controller that drives this one",
         )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S
+from deploy.supervisor.heartbeat_monitor import RECOVERY_S
 from services.runtime.graph import snapshot
+from services.runtime.heartbeat import PERIOD_S
 from tests.faults.supervised_fleet import WITHIN_S, SupervisedFleet
 from tests.harness.robot_recorder import FULL_SPEED
 from tests.harness.waiting import wait_until
@@ -27,7 +28,7 @@ def test_between_peers_data_goes_on(driving: SupervisedFleet) -> None:
     timed_out = {name: track.base.commands_timed_out for name, track in driving.recorder.robots.items()}
     killed = driving.kill("router")
     driving.wait_restarted(before)
-    driving.wait_simulated(2 * HEARTBEAT_TIMEOUT_S)
+    driving.wait_simulated(RECOVERY_S + PERIOD_S)
     for name, track in driving.recorder.robots.items():
         during = [each for each in track.samples if each.sent > killed]
         assert min(each.speed for each in during) > FULL_SPEED

@@ -12,9 +12,9 @@ from services.runtime.context import Context
 
 HEARTBEAT = Topic("/beat", Health, 0, HEALTH.quality, "travels like a heartbeat")
 FLOOD = Topic("/flood", String, 0, Quality.SENSOR, "more than anybody takes", 1 << 20)
-FLOOD_S = 1.5
+FLOOD_S = 0.75
 """Wall time of the flood."""
-HEARTBEATS = 60
+HEARTBEATS = 30
 
 
 def run(ctx: Context[Parameters]) -> None:

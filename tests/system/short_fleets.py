@@ -1,8 +1,9 @@
-"""The lab fleet with a way short enough for a test, its tables in any order."""
+"""Fleets with less to do than as they come: the lab with a short way, its tables in any order; others unrecorded."""
 
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,13 @@ _LOGGER = """
 [[service]]
 kind = "logger"
 """
+
+
+def without_logger(file: Path) -> str:
+    """The text of a fleet's file without its logger, which costs a third of a small fleet's processor time."""
+    text, found = re.subn(r'\[\[service\]\]\nkind = "logger"\nparameters = .*\n', "", file.read_text())
+    assert found == 1
+    return text
 
 
 def short_lab(path: Path) -> Path:

@@ -16,6 +16,7 @@ from deploy.fleet_file import find_fleet
 from deploy.report.record import SCHEMA_FILE
 from tests.harness.cases import case
 from tests.harness.command_line import CommandLine, CommandResult
+from tests.system.short_fleets import without_logger
 
 BRIEF = (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 "), ("at = 22\n", "at = 9\n"))
 """What makes the fleets' exercise a brief one."""
@@ -49,8 +50,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Futu
 
 
 def brief(path: Path, fleet: str) -> Path:
-    """A fleet with a brief exercise, and with its law and rate of LAWS."""
-    text, (law, rate) = find_fleet(fleet).read_text(), LAWS[fleet]
+    """A fleet with a brief exercise that nobody records, and with its law and rate of LAWS."""
+    text, (law, rate) = without_logger(find_fleet(fleet)), LAWS[fleet]
     own = '{ kind = "arm", parameters = { law = "tutorial" } }' if law == "tutorial" else '{ kind = "arm" }'
     for old, new in (*BRIEF, (own, f'{{ kind = "arm", parameters = {{ law = "{law}", rate = {rate} }} }}')):
         assert old in text

@@ -43,7 +43,7 @@ CLOCKS = (
 def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimulation]:
     mode = str(request.param)
     with two_robot_simulation(tmp_path_factory.mktemp(mode), mode) as made:
-        wait_until(lambda: made.next_heartbeat("/reset_monitor").ticks > 0, WITHIN_S, "ticks of the reset monitor")
+        wait_until(lambda: made.health("/reset_monitor").ticks > 0, WITHIN_S, "ticks of the reset monitor")
         yield made
 
 
@@ -51,7 +51,7 @@ def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 def driver(running: TwoRobotSimulation) -> Process:
     """A waypoint service for tb3_0 without a goal."""
     started = running.network.start("waypoint", "--namespace", "tb3_0")
-    wait_until(lambda: running.next_heartbeat("/tb3_0/waypoint").ticks > 0, WITHIN_S, "ticks of the waypoint service")
+    wait_until(lambda: running.health("/tb3_0/waypoint").ticks > 0, WITHIN_S, "ticks of the waypoint service")
     return started
 
 
@@ -79,9 +79,9 @@ def _all_live(running: TwoRobotSimulation, driver: Process) -> Iterator[None]:
 def _all_turn(running: TwoRobotSimulation, driver: Process) -> Iterator[None]:
     """Every loop turns after all that the tests have sent."""
     yield
-    begun = len(running.health.received())
     for node in ("/sim", "/reset_monitor", "/tb3_0/waypoint"):
-        wait_until(lambda n=node: turns(running, n, begun), WITHIN_S, f"ticks of {node}")  # type: ignore[misc]
+        before = running.health(node).ticks
+        wait_until(lambda n=node, b=before: running.health(n).ticks > b, WITHIN_S, f"ticks of {node}")  # type: ignore[misc]
 
 
 def sessions(running: TwoRobotSimulation, node: str) -> list[str]:
@@ -89,14 +89,8 @@ def sessions(running: TwoRobotSimulation, node: str) -> list[str]:
     return [each.session for each in snapshot(running.node.transport) if each.node == node]
 
 
-def turns(running: TwoRobotSimulation, node: str, begun: int) -> bool:
-    """Whether the last heartbeat of a node came after the first ``begun`` ones of all, with other ticks than before."""
-    beats = [(index, each.ticks) for index, each in enumerate(running.health.received()) if each.node == node]
-    return len(beats) > 1 and beats[-1][0] >= begun and beats[-1][1] != beats[-2][1]
-
-
 def refused(running: TwoRobotSimulation, node: str, topic: str) -> int:
-    return next(each.refused for each in running.next_heartbeat(node).inputs if each.topic == topic)
+    return next(each.refused for each in running.health(node).inputs if each.topic == topic)
 
 
 def test_garbage_on_e_stop_stops_nobody(running: TwoRobotSimulation, session: zenoh.Session) -> None:
@@ -148,7 +142,7 @@ def test_garbage_on_the_clock(running: TwoRobotSimulation, session: zenoh.Sessio
     session.delete("clock")
     after = running.truth["tb3_0"].wait_after(0.5).header.stamp.ns
     assert before < after < before + 60 * 10**9
-    assert running.next_heartbeat("/reset_monitor").state == "running"
+    assert running.health("/reset_monitor").state == "running"
     assert running.reset_monitor.text.count("reset:") == resets
     assert "twice at" not in running.reset_monitor.text
 
@@ -160,7 +154,7 @@ def test_a_wildcard_does_not_set_the_clock(running: TwoRobotSimulation, session:
         session.put("*", payload, encoding="application/msgpack;rosgraph_msgs/Clock")
     session.put("clock", msgpack.packb(FAR), encoding="application/msgpack;std_msgs/Bool")
     running.truth["tb3_0"].wait_after(0.5)
-    assert running.next_heartbeat("/reset_monitor").state == "running"
+    assert running.health("/reset_monitor").state == "running"
     assert running.reset_monitor.text.count("reset") == resets
 
 

@@ -161,16 +161,16 @@ def put(session: zenoh.Session, payload: bytes, encoding: str | None) -> None:
 def counted(
     running: TwoRobotSimulation, bases: dict[str, MessageRecorder[Any]], what: str, send: Any, count: int = 1
 ) -> None:
-    """What ``send`` sends is so many more refusals in the state of the base; its heartbeat has the reason."""
+    """What ``send`` sends is so many more refusals in the state of the base; the simulation's health has the reason."""
     base = bases["tb3_0"]
-    refused = base.wait_next().refused
+    refused = base.received()[-1].refused
     send()
     wait_until(lambda: base.wait_next().refused == refused + count, WITHIN_S, f"a refusal of {what}")
 
 
 def health(running: TwoRobotSimulation) -> InputHealth:
-    """What the simulation's heartbeat tells of the commands of tb3_0."""
-    return next(each for each in running.next_heartbeat("/sim").inputs if each.topic == "/tb3_0/cmd_vel")
+    """What the simulation's health tells of the commands of tb3_0."""
+    return next(each for each in running.health("/sim").inputs if each.topic == "/tb3_0/cmd_vel")
 
 
 def works(running: TwoRobotSimulation) -> None:

@@ -21,7 +21,7 @@ from tests.system.two_robot_simulation import TwoRobotSimulation, two_robot_simu
 HOUR = 3600.0
 PERIOD_S = 0.02
 COMMAND = encode(Twist.planar(0.1, 0.0))
-ENOUGH = 25
+ENOUGH = 10
 """Commands that are obeyed by whom the base obeys again."""
 AT_ONCE = 10
 """Commands that a link holds at once: of more than 16, it drops some while the machine is busy."""

@@ -25,12 +25,14 @@ from services.runtime.transport.sequences import MAX_GAP
 from services.runtime.transport.wire import encoding, publisher_id
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
-from tests.harness.background_fleet import BackgroundFleet, background_fleet
+from tests.harness.background_fleet import IDLE, BackgroundFleet, background_fleet
 from tests.harness.external_client import external_client
+from tests.harness.health import ask_health
 from tests.harness.message_recorder import WITHIN_S, MessageRecorder
 from tests.harness.waiting import wait_until
 
 FAR_NS = 3600 * 10**9
+QUICK = IDLE.replace('mode = "real"', 'mode = "real"\nfactor = 4.0')
 NODES = {"/grader", "/params", "/router", "/sim", "/supervisor"}
 
 
@@ -49,11 +51,10 @@ class ForgedFleet:
         self._session.put(key, payload, encoding=encoding(topic.record.ROS_TYPE), attachment=beside)
 
     def heard(self, topic: str) -> int:
-        """How many samples on a topic the simulation has counted, of whatever kind, by its newest heartbeat."""
-        beats = reversed(self.beats.received())
-        counts = (each for beat in beats if beat.node == "/sim" for each in beat.inputs if each.topic == topic)
-        last = next(counts, InputHealth())
-        return last.received + last.refused + last.repeated
+        """How many samples on a topic the simulation has counted, of whatever kind."""
+        inputs = ask_health(self.node.transport, "/sim").inputs
+        count = next((each for each in inputs if each.topic == topic), InputHealth())
+        return count.received + count.refused + count.repeated
 
     def survives(self, tried: dict[Publisher[Any], Callable[[int], None]]) -> None:
         """After each forged sample on each output, the next true one counts; ``tried[output](i)`` sends and looks."""
@@ -76,12 +77,11 @@ class ForgedFleet:
             for works in tried.values():
                 works(turn)
 
-    def all_beat(self, times: int) -> None:
-        """Each node of the fleet beats so often from now on."""
-        begun = len(self.beats.received())
+    def all_beat(self, times: int, since: int = 0) -> None:
+        """Each node of the fleet beats so often after the first ``since`` heartbeats of all."""
 
         def enough() -> bool:
-            heard = [each.node for each in self.beats.received()[begun:]]
+            heard = [each.node for each in self.beats.received()[since:]]
             return all(heard.count(node) >= times for node in NODES)
 
         wait_until(enough, WITHIN_S, f"{times} heartbeats of each")
@@ -89,7 +89,10 @@ class ForgedFleet:
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForgedFleet]:
-    with background_fleet(tmp_path_factory.mktemp("forged")) as running, external_client(running.endpoint) as session:
+    with (
+        background_fleet(tmp_path_factory.mktemp("forged"), QUICK) as running,
+        external_client(running.endpoint) as session,
+    ):
         identity = Identity.of("tester")
         with (
             ZenohTransport(configuration("direct", (running.endpoint,))) as transport,
@@ -100,7 +103,14 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForgedFleet]:
             yield made
 
 
-def test_stops_and_commands_are_heard_after_forged_numbers(scene: ForgedFleet) -> None:
+def test_stops_and_commands_are_heard_after_forged_numbers_and_forged_heartbeats_end_no_process(
+    scene: ForgedFleet,
+) -> None:
+    state = wait_until(scene.fleet.received, WITHIN_S, "the fleet's state")[-1]
+    pids = {each.name: each.pid for each in state.processes}
+    forge_heartbeats(scene)
+    begun = len(scene.beats.received())
+
     stop: Publisher[Bool] = scene.node.advertise(E_STOP, "/tb3_0/e_stop")
     command: Publisher[Twist] = scene.node.advertise(CMD_VEL, "/tb3_0/cmd_vel")
 
@@ -121,12 +131,19 @@ def test_stops_and_commands_are_heard_after_forged_numbers(scene: ForgedFleet) -
 
     scene.survives({stop: press, command: drive})
 
+    scene.all_beat(4, begun)
+    listed = scene.running.run_json("ps")[0]["processes"]
+    assert {each["name"]: each["pid"] for each in listed} == pids
+    assert {each["state"] for each in listed} == {"ready"}
+    assert {each["restarts"] for each in listed} == {0}
+    told = scene.running.run("node", "info", "/supervisor").out
+    assert "refused" in told
 
-def test_forged_heartbeats_end_no_process(scene: ForgedFleet) -> None:
-    state = wait_until(scene.fleet.received, WITHIN_S, "the fleet's state")[-1]
-    pids = {each.name: each.pid for each in state.processes}
+
+def forge_heartbeats(scene: ForgedFleet) -> None:
+    """Send heartbeats and commands of nobody, and heartbeats in the names of all nodes of the fleet."""
     good = encode(Health(node="/nobody", pid=1))
-    for topic, key, payload in ((HEALTH, "health", good), (CMD_VEL, "tb3_0/cmd_vel", encode(Twist()))):
+    for topic, key, payload in ((HEALTH, "health", good), (CMD_VEL, "tb3_1/cmd_vel", encode(Twist()))):
         for forged in range(3):
             for number in (1, 2**63 - 1, 2, 2**62, 2 + MAX_GAP):
                 scene.forge(topic, key, f"forger{forged}".encode().ljust(16), number, payload, 0)  # type: ignore[arg-type]
@@ -145,10 +162,3 @@ def test_forged_heartbeats_end_no_process(scene: ForgedFleet) -> None:
                     scene.forge(HEALTH, "health", publisher, number, body, ahead)  # type: ignore[arg-type]
     for payload in (b"", b"\xc1", msgpack.packb({"inputs": [{"lost": 2**64 - 1}]}), msgpack.packb({"node": "\x1b]0;"})):
         scene.forge(HEALTH, "health", b"forger".ljust(16), 1, payload, 0)  # type: ignore[arg-type]
-    scene.all_beat(4)
-    listed = scene.running.run_json("ps")[0]["processes"]
-    assert {each["name"]: each["pid"] for each in listed} == pids
-    assert {each["state"] for each in listed} == {"ready"}
-    assert {each["restarts"] for each in listed} == {0}
-    told = scene.running.run("node", "info", "/supervisor").out
-    assert "refused" in told

@@ -24,7 +24,7 @@ def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     """A world with a reset monitor; in lockstep the reset monitor is a member."""
     mode = str(request.param)
     with two_robot_simulation(tmp_path_factory.mktemp(mode), mode) as made:
-        wait_until(lambda: made.next_heartbeat("/reset_monitor").ticks > 0, WITHIN_S, "ticks of the reset monitor")
+        wait_until(lambda: made.health("/reset_monitor").ticks > 0, WITHIN_S, "ticks of the reset monitor")
         yield made
         assert "twice" not in made.reset_monitor.text
 
@@ -42,10 +42,8 @@ def test_pause_stops_the_clock(running: TwoRobotSimulation, paused: SimTime) -> 
     tick = [clock.wait_next() for _ in range(5)][-1]
     assert tick.paused
     assert (tick.clock.ns, tick.tick, tick.epoch) == (paused.time, paused.tick, paused.epoch)
-    wait_until(lambda: running.next_heartbeat("/sim").state == "paused", WITHIN_S, "a sim that says that it is paused")
-    wait_until(
-        lambda: running.next_heartbeat("/reset_monitor").state == "paused", WITHIN_S, "a controller that says so"
-    )
+    wait_until(lambda: running.health("/sim").state == "paused", WITHIN_S, "a sim that says that it is paused")
+    wait_until(lambda: running.health("/reset_monitor").state == "paused", WITHIN_S, "a controller that says so")
     assert running.node.call(PAUSE, Empty()) == paused
 
 
@@ -122,7 +120,7 @@ def test_what_is_deleted_is_gone(running: TwoRobotSimulation) -> None:
     assert [each.name for each in running.node.call(LIST, Empty()).models] == ["tb3_0"]
     with pytest.raises(CallFailed, match=r"unknown model 'tb3_1'; did you mean 'tb3_0'"):
         running.node.call(GET_STATE, Name(name="tb3_1"))
-    assert not [each for each in running.next_heartbeat("/sim").outputs if each.topic.startswith("/tb3_1/")]
+    assert not [each for each in running.health("/sim").outputs if each.topic.startswith("/tb3_1/")]
     running.truth["tb3_0"].wait_after(0.1)
 
 

@@ -38,6 +38,8 @@ from tests.system.two_robot_simulation import STARTS, TwoRobotSimulation, two_ro
 
 PLACES = {"waffle": (2.0, 0.0), "waffle_pi": (2.0, 2.0), "p3dx": (2.0, -2.0)}
 """Where each newcomer enters, x and y in m."""
+REST_S = 1.0
+"""Simulation time in which a sensor that works tells something: several periods of each."""
 ALL = {"burger": {SCAN, IMU, JOINT_STATES}}
 ALL["waffle"] = ALL["waffle_pi"] = ALL["burger"] | {IMAGE, CAMERA_INFO}
 ALL["p3dx"] = {SCAN, SONAR, RANGE, JOINT_STATES}
@@ -96,7 +98,13 @@ def test_sensors_work_while_somebody_looks(running: TwoRobotSimulation) -> None:
         frame, model = each.received()[-1].header.frame_id, each.source.name.split("/")[1]
         assert frame == "" if each.source.topic is JOINT_STATES else frame.startswith(f"{model}/"), each.source.name
     running.node.unregister(*(each.source for each in inputs))
-    wait_until(lambda: counts(running, names) == counts(running, names), WITHIN_S, "sensors that rest")
+
+    def rest() -> bool:
+        before = counts(running, names)
+        running.truth["tb3_0"].wait_after(REST_S)
+        return counts(running, names) == before
+
+    wait_until(rest, WITHIN_S, "sensors that rest")
 
 
 def test_what_sensors_tell(running: TwoRobotSimulation) -> None:
@@ -188,8 +196,8 @@ def test_frames_go_with_their_robot(running: TwoRobotSimulation) -> None:
 
 
 def counts(running: TwoRobotSimulation, names: set[str]) -> dict[str, int]:
-    """Messages sent on each topic, by the next heartbeat."""
-    return {each.topic: each.sent for each in running.next_heartbeat("/sim").outputs if each.topic in names}
+    """Messages sent on each topic, by the simulation's health."""
+    return {each.topic: each.sent for each in running.health("/sim").outputs if each.topic in names}
 
 
 def model_of(name: str) -> str:

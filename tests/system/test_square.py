@@ -15,6 +15,7 @@ import jsonschema
 import matplotlib.image
 import pytest
 
+from deploy.fleet_file import find_fleet
 from deploy.report.record import SCHEMA_FILE
 from messages.geometry import STOP
 from messages.nav import Odometry
@@ -27,6 +28,7 @@ from tests.harness.command_line import CommandLine, CommandResult
 from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, distance, speed, time_of
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
+from tests.system.short_fleets import without_logger
 
 DRIVE = {"ramp": "base", "linear": {"max_acceleration": 0.3}, "angular": {"max_acceleration": 1.745329}}
 """The tutorial's limits."""
@@ -35,12 +37,16 @@ PATIENCE_S = 5.0
 
 
 class Run:
-    """A fleet's run to its report, in a folder of its own."""
+    """A fleet's run to its report, in a folder of its own; only the first is recorded."""
 
-    def __init__(self, folder: Path, fleet: str, *options: str) -> None:
+    def __init__(self, folder: Path, name: str, *options: str) -> None:
         self.results = folder / "results"
         folder.mkdir()
         terminal, picture = CommandLine(folder), folder.name == "first"
+        fleet: str | Path = name
+        if not picture:
+            fleet = folder / f"{name}.toml"
+            fleet.write_text(without_logger(find_fleet(name)))
         self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options, picture=picture)
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
@@ -169,10 +175,10 @@ class Pioneer:
         return found
 
 
-@pytest.fixture
-def pioneer(tmp_path: Path) -> Iterator[Pioneer]:
+@pytest.fixture(scope="module")
+def pioneer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pioneer]:
     robots = [{"name": "RosAria", "model": "p3dx", "parameters": {**DRIVE, "cmd_vel_timeout": PATIENCE_S}}]
-    with Network(tmp_path) as network:
+    with Network(tmp_path_factory.mktemp("pioneer")) as network:
         network.start("sim", "--param", f"robots={json.dumps(robots)}", "--param", "mode=real")
         with network.node() as node:
             yield Pioneer(network, node)
@@ -228,22 +234,21 @@ def test_loss_of_odometry_stops_the_robot_until_it_is_back(pioneer: Pioneer) -> 
     wait_until(cruising, WITHIN_S, "0.2 m/s again")
     assert pioneer.status.received()[-1].state == "driving"
     assert square.status is None
+    square.stop()
 
 
-def test_without_odometry_from_the_start_it_waits(tmp_path: Path) -> None:
-    with Network(tmp_path) as network:
-        network.start("sim", "--param", "robots=[]")
-        square = network.start("square", "--namespace", "RosAria", "--param", "log=")
-        wait_until(lambda: "no odometry on /RosAria/odom" in square.text, 30.0, "its complaint")
-        assert square.status is None
+def test_without_odometry_from_the_start_it_waits(pioneer: Pioneer) -> None:
+    square = pioneer.network.start("square", "--namespace", "nobody", "--param", "log=")
+    wait_until(lambda: "no odometry on /nobody/odom" in square.text, 30.0, "its complaint")
+    assert square.status is None
+    square.stop()
 
 
-def test_a_log_that_cannot_be_written_is_told_before_anything_moves(tmp_path: Path) -> None:
-    with Network(tmp_path) as network:
-        for log in ("missing/square.csv", "."):
-            with case(log):
-                square = network.start("square", "--param", f"log={tmp_path / log}")
-                assert square.wait(20.0) == 2
-                assert f"the log {tmp_path / log}".removesuffix("/.") in square.text
-                assert "choose another path with the parameter log" in square.text
-                assert "Traceback" not in square.text
+def test_a_log_that_cannot_be_written_is_told_before_anything_moves(pioneer: Pioneer, tmp_path: Path) -> None:
+    for log in ("missing/square.csv", "."):
+        with case(log):
+            square = pioneer.network.start("square", "--param", f"log={tmp_path / log}")
+            assert square.wait(20.0) == 2
+            assert f"the log {tmp_path / log}".removesuffix("/.") in square.text
+            assert "choose another path with the parameter log" in square.text
+            assert "Traceback" not in square.text

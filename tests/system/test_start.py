@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from tests.harness.command_line import CommandLine, CommandResult
 
@@ -69,7 +72,7 @@ values = { speed = 0.75 }
 
 
 class Run:
-    """A fleet that runs, beside others of the test."""
+    """A fleet that runs, beside the others of this file."""
 
     def __init__(
         self, folder: Path, mode: str, service: str, timeout: float, *, more: str = "", factor: float = 1.0
@@ -82,6 +85,12 @@ class Run:
         self._folder, self._terminal = folder, CommandLine(folder)
         self._up = self._terminal.start_fleet(fleet, folder / "run", "--no-saved")
 
+    def kill(self) -> None:
+        """End it if no test has waited for its end."""
+        if self._up.poll() is None:
+            self._up.kill()
+            self._up.communicate()
+
     def end(self) -> tuple[CommandResult, dict[str, Any], str]:
         """How it ended, its report ({} when nothing was measured), and what its processes have written."""
         ended = self._terminal.finish(self._up)
@@ -90,11 +99,30 @@ class Run:
         return ended, json.loads(report.read_text()) if report.exists() else {}, logs
 
 
-def test_time_begins_when_the_last_node_is_ready_and_a_change_that_is_refused_fails_the_run(tmp_path: Path) -> None:
-    late = '{ kind = "late.py" }'
-    runs = {mode: Run(tmp_path / mode, mode, late, 60, more=CHANGES, factor=0.2) for mode in ("real", "lockstep")}
-    for mode, run in runs.items():
-        ended, report, logs = run.end()
+MODES = ("real", "lockstep")
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Run]]:
+    """All side by side: each mostly waits."""
+    folder = tmp_path_factory.mktemp("start")
+    late, stuck = '{ kind = "late.py" }', '{ kind = "stuck.py" }'
+    required = '{ kind = "stuck.py", required = true }'
+    begun = {
+        **{f"stuck {mode}": Run(folder / f"stuck_{mode}", mode, stuck, 6) for mode in MODES},
+        **{f"late {mode}": Run(folder / f"late_{mode}", mode, late, 60, more=CHANGES, factor=0.2) for mode in MODES},
+        "required": Run(folder / "required", "real", required, 1),
+    }
+    yield begun
+    for each in begun.values():
+        each.kill()
+
+
+def test_time_begins_when_the_last_node_is_ready_and_a_change_that_is_refused_fails_the_run(
+    runs: Mapping[str, Run],
+) -> None:
+    for mode in MODES:
+        ended, report, logs = runs[f"late {mode}"].end()
         first = float(logs.partition("/late: tick at ")[2].partition(" ")[0])
         # Real time does not wait for a node that a busy machine holds up now; half a second is 2.5 s on its clock.
         assert first == 0 if mode == "lockstep" else first < 0.5, logs
@@ -113,8 +141,8 @@ def test_time_begins_when_the_last_node_is_ready_and_a_change_that_is_refused_fa
         assert "not reached before the end: the scheduled changes of /r/late at 60 s" in ended.out
 
 
-def test_without_a_required_node_time_does_not_begin(tmp_path: Path) -> None:
-    ended, report, logs = Run(tmp_path / "run", "real", '{ kind = "stuck.py", required = true }', 1).end()
+def test_without_a_required_node_time_does_not_begin(runs: Mapping[str, Run]) -> None:
+    ended, report, logs = runs["required"].end()
     assert ended.status == 1
     assert "the fleet ended: sim failed: exit status 2" in ended.err
     (why,) = (line for line in ended.err.splitlines() if "time does not begin: " in line)
@@ -123,9 +151,9 @@ def test_without_a_required_node_time_does_not_begin(tmp_path: Path) -> None:
     assert not report or report["run"]["sim_seconds"] == 0, logs
 
 
-def test_without_another_node_it_begins_and_the_report_misses_it(tmp_path: Path) -> None:
-    runs = [Run(tmp_path / mode, mode, '{ kind = "stuck.py" }', 6) for mode in ("real", "lockstep")]
-    for ended, report, _ in (run.end() for run in runs):
+def test_without_another_node_it_begins_and_the_report_misses_it(runs: Mapping[str, Run]) -> None:
+    for mode in MODES:
+        ended, report, _ = runs[f"stuck {mode}"].end()
         assert ended.status == 1
         assert "time has not begun: waiting for /r/stuck since" in ended.err
         assert "time began without /r/stuck" in ended.err

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import json
 import signal
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -95,19 +97,39 @@ def near(robot: Robot, v: float, begin: float, coasting: float, theory: StopPred
     assert abs(stop.time - theory.time) <= 0.05 * theory.time + LOOK
 
 
+def run(folder: Path, end: End, latency: int = 0) -> dict[str, Robot]:
+    """The robots of a drive of its own; a commander that hangs is killed."""
+    folder.mkdir()
+    with Network(folder) as network:
+        drive = Drive(network, folder, end, latency)
+        if end == "hangs":
+            wait_until(lambda: HANGS in drive.commander.text, WITHIN_S, "the tick in which it ends")
+            drive.lockstep_recorder.wait_tick()
+            assert drive.commander.kill() == -signal.SIGKILL
+        return drive.robots()
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Future[dict[str, Robot]]]]:
+    """All side by side: each mostly waits while it starts and ends."""
+    folder = tmp_path_factory.mktemp("stops")
+    ends: dict[str, tuple[End, int]] = {
+        "killed 0": ("hangs", 0),
+        "killed 1": ("hangs", 1),
+        "silent": ("falls silent", 0),
+        "stops": ("stops", 0),
+    }
+    with ThreadPoolExecutor(len(ends)) as pool:
+        yield {name: pool.submit(run, folder / name, *each) for name, each in ends.items()}
+
+
 @pytest.mark.parametrize("latency", [0, 1])
-def test_a_commander_that_is_killed(tmp_path: Path, latency: int) -> None:
+def test_a_commander_that_is_killed(drives: Mapping[str, Future[dict[str, Robot]]], latency: int) -> None:
     """Kill -9, in the middle of a tick; no time-out passes.
 
     With latency 1 the simulation goes on meanwhile: it has given its last leave before the one it waits in.
     """
-    last = END if latency else END - PERIOD
-    with Network(tmp_path) as network:
-        drive = Drive(network, tmp_path, "hangs", latency)
-        wait_until(lambda: HANGS in drive.commander.text, WITHIN_S, "the tick in which it ends")
-        drive.lockstep_recorder.wait_tick()
-        assert drive.commander.kill() == -signal.SIGKILL
-        robots = drive.robots()
+    last, robots = END if latency else END - PERIOD, drives[f"killed {latency}"].result()
     for name, v in SPEEDS.items():
         base = robots[name].base
         assert base.last_command.ns == round(last * 1e9)
@@ -115,10 +137,8 @@ def test_a_commander_that_is_killed(tmp_path: Path, latency: int) -> None:
         near(robots[name], v, last, PERIOD, predict_stop(v, PERIOD, BRAKE))
 
 
-def test_a_commander_that_falls_silent(tmp_path: Path) -> None:
-    last = END - PERIOD
-    with Network(tmp_path) as network:
-        robots = Drive(network, tmp_path, "falls silent").robots()
+def test_a_commander_that_falls_silent(drives: Mapping[str, Future[dict[str, Robot]]]) -> None:
+    last, robots = END - PERIOD, drives["silent"].result()
     for name, v in SPEEDS.items():
         base = robots[name].base
         assert base.last_command.ns == round(last * 1e9)
@@ -126,9 +146,8 @@ def test_a_commander_that_falls_silent(tmp_path: Path) -> None:
         near(robots[name], v, last, 0.24, predict_stop(v, TIMEOUT, BRAKE))
 
 
-def test_an_emergency_stop_that_the_commander_does_not_heed(tmp_path: Path) -> None:
-    with Network(tmp_path) as network:
-        robots = Drive(network, tmp_path, "stops").robots()
+def test_an_emergency_stop_that_the_commander_does_not_heed(drives: Mapping[str, Future[dict[str, Robot]]]) -> None:
+    robots = drives["stops"].result()
     for name, v in SPEEDS.items():
         base = robots[name].base
         assert base.e_stopped

@@ -10,9 +10,10 @@ from pathlib import Path
 import psutil
 
 from messages.elea import Health
-from messages.topics import HEALTH, TF_STATIC
+from messages.topics import TF_STATIC
 from services.runtime.node import Node
-from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder
+from tests.harness.health import ask_health
+from tests.harness.message_recorder import GroundTruthRecorder, MessageRecorder
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
 
@@ -29,24 +30,14 @@ class TwoRobotSimulation:
     def __init__(self, network: Network, sim: Process, reset_monitor: Process, node: Node) -> None:
         self.network, self.sim, self.reset_monitor, self.node = network, sim, reset_monitor, node
         self.truth = {name: GroundTruthRecorder(node, name) for name in STARTS}
-        self.health = MessageRecorder(node.subscribe(HEALTH))
         self.tf_static = MessageRecorder(node.subscribe(TF_STATIC))
         for each in self.truth.values():
             wait_until(lambda e=each: e.received() or sim.status is not None, 30.0, "ground truth")  # type: ignore[misc]
         assert sim.status is None, sim.text
 
-    def next_heartbeat(self, node: str) -> Health:
-        """The next heartbeat of a node."""
-        count = len(self.health.received())
-
-        def heard() -> list[Health]:
-            return [each for each in self.health.received()[count:] if each.node == node]
-
-        return wait_until(heard, WITHIN_S, f"a heartbeat of {node}")[0]
-
-    def sent_count(self, topic: str) -> int:
-        """How many messages the simulation has sent on a topic."""
-        return next(each.sent for each in self.next_heartbeat("/sim").outputs if each.topic == topic)
+    def health(self, node: str) -> Health:
+        """The health of a node now."""
+        return ask_health(self.node.transport, node)
 
     @property
     def memory(self) -> float:

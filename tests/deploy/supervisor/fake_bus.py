@@ -42,9 +42,10 @@ class FakeBus:
     def publish(self, state: FleetState) -> None:
         self.published.append(state)
 
-    def answer_requests(self, carry_out: ActionHandler) -> None:
+    def answer_requests(self, carry_out: ActionHandler) -> bool:
         while self.orders:
             try:
                 self.answers.append(carry_out(*self.orders.pop(0)))
             except BadInput as error:
                 self.answers.append(f"refused: {error}")
+        return False

@@ -112,9 +112,8 @@ class TransportGate:
     def publish(self, state: FleetState) -> None:
         self._bus.publish(state)
 
-    def answer_requests(self, carry_out: ActionHandler) -> None:
-        if not self.shut:
-            self._bus.answer_requests(carry_out)
+    def answer_requests(self, carry_out: ActionHandler) -> bool:
+        return not self.shut and self._bus.answer_requests(carry_out)
 
 
 def test_two_starts_over_the_network_answered_in_one_turn(tmp_path: Path) -> None:
