@@ -13,9 +13,9 @@ from tests.ros1.script_fleets import (
     Runs,
     assert_said,
     assert_same,
+    lockstep_runs,
     run_until_said,
     side_by_side,
-    twice_in_lockstep,
 )
 
 SAID = {
@@ -70,7 +70,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
         f"{fleet} real": partial(run_until_said, fleet, folder / f"{fleet}0", said, begun=BEGUN.get(fleet, NOTHING))
         for fleet, said in REAL.items()
     }
-    with side_by_side(real | twice_in_lockstep(folder, LOCKSTEP_S)) as runs:
+    with side_by_side(real | lockstep_runs(folder, LOCKSTEP_S, LOCKSTEP_S)) as runs:
         yield runs
 
 
