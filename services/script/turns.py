@@ -32,7 +32,7 @@ SLOW_S = 10.0
 
 _LOOKS = 20
 
-Kind = Literal["start", "idle", "sleep", "condition", "budget", "returned"]
+Kind = Literal["start", "idle", "sleep", "condition", "budget", "returned", "over"]
 
 
 @dataclass(eq=False)
@@ -127,7 +127,9 @@ class TurnThreads:
         if (me := self._me()) is None:
             return None if self._is_node() else self._free.point(cost)
         me.points += cost
-        if me.points >= BUDGET and not self._stopped:
+        if self.main.ended and self._stopped:  # as in Python, a thread that computes for ever ends with the process
+            self._park(me, _Wait("over", next(self._numbers)))
+        elif me.points >= BUDGET:
             self._park(me, _Wait("budget", next(self._numbers)))
         return None
 
@@ -272,6 +274,8 @@ class TurnThreads:
             return notified
         if wait.kind in ("start", "returned"):
             return True
+        if wait.kind == "over":
+            return False
         if wait.kind == "budget":
             return first or self._stopped
         if self._stopped or self._clock.epoch != wait.epoch:

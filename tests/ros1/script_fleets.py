@@ -6,7 +6,7 @@ import json
 import re
 import signal
 import subprocess
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -89,14 +89,14 @@ def run_scripts(fleet: str, folder: Path, mode: str, *options: str) -> ScriptRun
     return _finish(terminal, _start(terminal, fleet, mode, *options), mode)
 
 
-def twice_in_lockstep(folder: Path, seconds: Mapping[str, float]) -> Jobs:
-    """Two runs of each fleet, ``FLEET 1`` and ``FLEET 2``, for so much simulation time."""
+def lockstep_runs(folder: Path, seconds: Mapping[str, float], repeated: Collection[str]) -> Jobs:
+    """A run of each fleet for so much simulation time, ``FLEET 1``, and a second one of each of those ``repeated``."""
     return {
         f"{fleet} {number}": partial(
             run_scripts, fleet, folder / f"{fleet}{number}", "lockstep", "--duration", str(end)
         )
         for fleet, end in seconds.items()
-        for number in (1, 2)
+        for number in ((1, 2) if fleet in repeated else (1,))
     }
 
 

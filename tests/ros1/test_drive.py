@@ -16,9 +16,9 @@ from tests.ros1.script_fleets import (
     assert_began,
     assert_said,
     assert_same,
+    lockstep_runs,
     run_until_said,
     side_by_side,
-    twice_in_lockstep,
 )
 
 SAID = {
@@ -29,21 +29,10 @@ SAID = {
             "imu True, joints ['wheel_left_joint', 'wheel_right_joint']",
             "0.0 36 tuple",
         ],
-        "lights/start_stop": ["changes 6"],
-        "square/timed_square": ["square done", "Stop Drawing Squares"],
         "odom_square": ["Square completed!", "sides 4, home within 0.5 m True, logged True"],
         "once/publish_once": ["legs done"],
         "back/out_and_back": ["out and back", "Stopping the robot..."],
-        "point/goto_point": ["arrived within True"],
-    },
-    "tasks": {
-        "wander/turtlebot_scan": ["turned True, kept True"],
-        "wander/range_ahead": ["range ahead: 1 of 360", "nearest ahead: 1 tuple"],
         "wall/wall_follower": ["states [0, 1, 2], beside the wall True"],
-        "heading/pid_heading": ["tracked True with rows True"],
-        "mover/move_client": ["Done!", "moved 40 steps", "took 4 s"],
-        "keys/key_script": ["keys sent"],
-        "formation": ["1", "2", "3"],
         "patrol/patrol_client": [
             "at 0.6 0.0: state 3",
             "at 0.6 0.5: state 3",
@@ -51,14 +40,29 @@ SAID = {
             "control_msgs/FollowJointTrajectoryAction",
         ],
     },
+    "tasks": {
+        "lights/start_stop": ["changes 6"],
+        "square/timed_square": ["square done", "Stop Drawing Squares"],
+        "point/goto_point": ["arrived within True"],
+        "wander/turtlebot_scan": ["turned True, kept True"],
+        "wander/range_ahead": ["range ahead: 1 of 360", "nearest ahead: 1 tuple"],
+        "heading/pid_heading": ["tracked True with rows True"],
+        "mover/move_client": ["Done!", "moved 40 steps", "took 4 s"],
+        "keys/key_script": ["keys sent"],
+    },
+    "flood": {"formation": ["1", "2", "3"]},
 }
 """What the programs of each fleet say."""
-SILENT: dict[str, list[str]] = {
-    "drive": [],
-    "tasks": ["keys/key_driver", "mover/move_service", "repeat", "patrol/patrol_server"],
+SILENT = {
+    "drive": ["patrol/patrol_server"],
+    "tasks": ["keys/key_driver", "mover/move_service"],
+    "flood": ["repeat"],
 }
-LOCKSTEP_S = {"drive": 15, "tasks": 16}
-FLOODED = {"drive": "", "tasks": "tb3_1"}
+LOCKSTEP_S = {"drive": 15, "tasks": 12.5, "flood": 9.5}
+FLOODED = {"drive": "", "flood": "tb3_1"}
+"""The fleets that run in real time too, and the robot of each whose program never waits."""
+REPEATED = "tasks"
+"""The one that runs in lockstep again."""
 DRIVEN_M = {
     "solo": (0.55, 0.75),
     "lights": (1.2, 1.3),
@@ -86,34 +90,33 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
     folder = tmp_path_factory.mktemp("drive")
     real: Jobs = {
         f"{fleet} real": partial(
-            *(run_until_said, fleet, folder / f"{fleet}0", NOTHING, "--factor", "2"), begun=said, flooded=FLOODED[fleet]
+            *(run_until_said, fleet, folder / f"{fleet}0", NOTHING, "--factor", "2"), begun=SAID[fleet], flooded=flooded
         )
-        for fleet, said in SAID.items()
+        for fleet, flooded in FLOODED.items()
     }
-    with side_by_side(real | twice_in_lockstep(folder, LOCKSTEP_S)) as runs:
+    with side_by_side(real | lockstep_runs(folder, LOCKSTEP_S, {REPEATED})) as runs:
         yield runs
 
 
 @pytest.mark.timeout(420)
-def test_each_program_drives_its_way_in_real_time(runs: Runs) -> None:
-    for fleet, said in SAID.items():
+def test_programs_drive_their_way_in_real_time(runs: Runs) -> None:
+    for fleet in FLOODED:
         with case(fleet):
             run = runs[f"{fleet} real"].result()
-            assert {*said, *SILENT[fleet]} <= {*run.processes()}
-            assert_began(run, said)
+            assert_began(run, SAID[fleet])
             assert_drove(run, 0.5)
 
 
 @pytest.mark.timeout(420)
-def test_in_lockstep_they_drive_the_same_way_twice(runs: Runs) -> None:
+def test_in_lockstep_each_program_drives_its_way_and_the_same_way_twice(runs: Runs) -> None:
     for fleet, said in SAID.items():
         with case(fleet):
-            first = runs[f"{fleet} 1"].result()
-            assert_said(first, said)
-            assert_drove(first)
-            for robot, found in first.report["robots"].items():
+            run = runs[f"{fleet} 1"].result()
+            assert_said(run, said)
+            assert_drove(run)
+            for robot, found in run.report["robots"].items():
                 assert found["path_length_m"] <= DRIVEN_M[robot][1]
-            assert_same(first, runs[f"{fleet} 2"].result(), [*said], SILENT[fleet])
+    assert_same(runs[f"{REPEATED} 1"].result(), runs[f"{REPEATED} 2"].result(), [*SAID[REPEATED]], SILENT[REPEATED])
 
 
 def assert_drove(run: ScriptRun, share: float = 1.0) -> None:

@@ -13,16 +13,15 @@ from tests.ros1.script_fleets import (
     Runs,
     assert_said,
     assert_same,
+    lockstep_runs,
     run_until_said,
     side_by_side,
-    twice_in_lockstep,
 )
 
 REFUSED = "service [/services/{}] responded with an error: b'{}'"
 SAID = {
-    "topics": {
+    "talk": {
         "busy": ["first: reading", "went round True", "waited"],
-        "command_line": ["4 times red on /paints, remapped True", "stopping 'command_line' at 4"],
         "doubler": ["more than ten: 12", "more than ten: 14"],
         "graph_tool": [
             "chatter is std_msgs/String",
@@ -31,31 +30,10 @@ SAID = {
             "online True",
             "not found: no_such_package",
         ],
-        "header_listener": ["seq rises by [1, 1, 1, 1, 1]", "mean gap 0.2 s in desk"],
-        "lab/desk/names": [
-            "name /lab/desk/names namespace /lab/desk/",
-            "/lab/desk/a /a /lab/desk/names/a",
-            "remapped /lab/desk/after",
-            "/lab/desk/inner/deep/number /lab/desk/names/number /lab/desk/after",
-            "7",
-            "private 0.5 [1, True] 'red'",
-            "args ['plain']",
-        ],
         "listener": ["steps [1, 1, 1, 1] from /chatter"],
         "number_sink": ["reached 12"],
         "two_inputs": ["mixed 20"],
         "user_data": ["each callback got 4 and both saw the same: True"],
-    },
-    "calls": {
-        "durations": [
-            "13 750000000 2.50",
-            "True True -0.75",
-            "rospy.Time[1000000005] 12500000000",
-            "times do not add",
-            "a second: True",
-            "late: True",
-            "half: True",
-        ],
         "fibonacci": ["/fibonacci: order 6", "/fibonacci: Preempted", "/fibonacci: Preempted", "/fibonacci: order 3"],
         "fibonacci_client": [
             "in time: True",
@@ -66,20 +44,6 @@ SAID = {
             "status 3",
         ],
         "mission": ["beats True", "done at level 120 with [0, 1, 2, 3, 4]"],
-        "parameter_reader": [
-            "lamps 7",
-            "kitchen {'lamps': 2} heights [2.5, 3.0]",
-            "private 0.5 [1, 2] True",
-            "of another node 0.25",
-            "default fallback",
-            "has True False",
-            "found /gain",
-            "left ['kitchen']",
-            "KeyError '/house/cellar'",
-            "nothing to delete",
-            "mine ['/house/heights', '/house/ready', '/house/rooms/kitchen/lamps']",
-        ],
-        "python2": ["hall: 2", "caught old style", "0 1 2 ", "2 rooms 1", "493 10 [1, 2]"],
         "services_client": [
             "on off on",
             "True from a dict",
@@ -89,13 +53,8 @@ SAID = {
             "missing: service [/services/missing] unavailable",
             "wait: timeout exceeded while waiting for service /services/missing",
         ],
-        "sum_client": ["3 + 4 = (7, 7, 7)"],
-        "sum_server": ["Ready to add.", "Returning [3 + 4 = 7]"],
         "timers": ["once, with last_real None", "five ticks, then none", "ticks at the end: 5"],
         "workers": ["total 15, sent 15, sum 1530"],
-    },
-    "data": {
-        "cloud": ["8 points of 16 bytes, far (3.0, 1.0, 0.5)", "plain 2"],
         "frames_listener": [
             "lamp at [1.0, 0.0, 0.5], yaw 1.5708",
             "fly at distance 1.000",
@@ -110,6 +69,47 @@ SAID = {
             "InvalidArgumentException",
             "cart at 0.9",
         ],
+        "synchronized": ["equal pairs True", "cache holds True"],
+        "bad_callback": ["RuntimeError: odd 1", "good [0, 2, 4]", "refused: field data must be an integer type"],
+    },
+    "nodes": {
+        "command_line": ["4 times red on /paints, remapped True", "stopping 'command_line' at 4"],
+        "header_listener": ["seq rises by [1, 1, 1, 1, 1]", "mean gap 0.2 s in desk"],
+        "lab/desk/names": [
+            "name /lab/desk/names namespace /lab/desk/",
+            "/lab/desk/a /a /lab/desk/names/a",
+            "remapped /lab/desk/after",
+            "/lab/desk/inner/deep/number /lab/desk/names/number /lab/desk/after",
+            "7",
+            "private 0.5 [1, True] 'red'",
+            "args ['plain']",
+        ],
+        "durations": [
+            "13 750000000 2.50",
+            "True True -0.75",
+            "rospy.Time[1000000005] 12500000000",
+            "times do not add",
+            "a second: True",
+            "late: True",
+            "half: True",
+        ],
+        "parameter_reader": [
+            "lamps 7",
+            "kitchen {'lamps': 2} heights [2.5, 3.0]",
+            "private 0.5 [1, 2] True",
+            "of another node 0.25",
+            "default fallback",
+            "has True False",
+            "found /gain",
+            "left ['kitchen']",
+            "KeyError '/house/cellar'",
+            "nothing to delete",
+            "mine ['/house/heights', '/house/ready', '/house/rooms/kitchen/lamps']",
+        ],
+        "python2": ["hall: 2", "caught old style", "0 1 2 ", "2 rooms 1", "493 10 [1, 2]"],
+        "sum_client": ["3 + 4 = (7, 7, 7)"],
+        "sum_server": ["Ready to add.", "Returning [3 + 4 = 7]"],
+        "cloud": ["8 points of 16 bytes, far (3.0, 1.0, 0.5)", "plain 2"],
         "map_reader": ["map 20x10, 20 walls, 180 unknown, tuple"],
         "markers": ["5 points, type 4, last 16.0", "[0, 1, 2]"],
         "red_finder": ["32x24 bgr8, grown by [1, 1, 1]"],
@@ -127,11 +127,7 @@ SAID = {
             "axis 0.3000",
             "euler by matrix [0.2, 0.3, 0.4]",
         ],
-        "synchronized": ["equal pairs True", "cache holds True"],
-    },
-    "nodes": {
         "array_listener": ["ndarray of float32, mean 2.650", "tuple 4", "rows 2.0"],
-        "bad_callback": ["RuntimeError: odd 1", "good [0, 2, 4]", "refused: field data must be an integer type"],
         "bag_round": [
             "sum 45",
             "words 105.5 hello",
@@ -152,13 +148,15 @@ SAID = {
 """What the programs of each fleet say."""
 LOCKSTEP_S = 4
 """Simulated time in which all is said where no program is late."""
+REPEATED = {"talk"}
+"""What depends on the order of messages, calls and threads, and so on the timing of the machine if on anything."""
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
     folder = tmp_path_factory.mktemp("talk")
     real: Jobs = {f"{fleet} real": partial(run_until_said, fleet, folder / f"{fleet}0", SAID[fleet]) for fleet in SAID}
-    with side_by_side(real | twice_in_lockstep(folder, dict.fromkeys(SAID, LOCKSTEP_S))) as runs:
+    with side_by_side(real | lockstep_runs(folder, dict.fromkeys(SAID, LOCKSTEP_S), REPEATED)) as runs:
         yield runs
 
 
@@ -170,9 +168,10 @@ def test_programs_say_in_real_time_what_they_say_under_ros(runs: Runs) -> None:
 
 
 @pytest.mark.timeout(420)
-def test_in_lockstep_they_say_the_same_twice(runs: Runs) -> None:
+def test_in_lockstep_they_say_it_too_and_the_same_twice(runs: Runs) -> None:
     for fleet, said in SAID.items():
         with case(fleet):
             first = runs[f"{fleet} 1"].result()
             assert_said(first, said)
-            assert_same(first, runs[f"{fleet} 2"].result(), [*said])
+            if fleet in REPEATED:
+                assert_same(first, runs[f"{fleet} 2"].result(), [*said])

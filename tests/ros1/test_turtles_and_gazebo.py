@@ -11,11 +11,12 @@ from tests.ros1.script_fleets import (
     NOTHING,
     Jobs,
     Runs,
+    assert_began,
     assert_said,
     assert_same,
+    lockstep_runs,
     run_until_said,
     side_by_side,
-    twice_in_lockstep,
 )
 
 SAID = {
@@ -54,13 +55,17 @@ SAID = {
     },
 }
 """What the programs of each fleet say."""
-BEGUN = {"gazebo": {"arm_exercise": SAID["gazebo"]["arm_exercise"]}}
-"""In real time the arm's angles follow from the delays of the machine; in lockstep from the program alone."""
+BEGUN = {
+    "gazebo": {"arm_exercise": SAID["gazebo"]["arm_exercise"][:1]},
+    "turtles": {"mover": SAID["turtles"]["mover"]},
+}
+"""In real time, how far an arm or a turtle moves follows from the delays of the machine too; in lockstep from the
+program alone. One step shows that the arm moves."""
 REAL = {
     fleet: {name: lines for name, lines in said.items() if name not in BEGUN.get(fleet, {})}
     for fleet, said in SAID.items()
 }
-LOCKSTEP_S = {"gazebo": 13, "turtles": 12, "resets": 5}
+LOCKSTEP_S = {"gazebo": 9.5, "turtles": 6, "resets": 4}
 
 
 @pytest.fixture(scope="module")
@@ -70,21 +75,22 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
         f"{fleet} real": partial(run_until_said, fleet, folder / f"{fleet}0", said, begun=BEGUN.get(fleet, NOTHING))
         for fleet, said in REAL.items()
     }
-    with side_by_side(real | twice_in_lockstep(folder, LOCKSTEP_S)) as runs:
+    with side_by_side(real | lockstep_runs(folder, LOCKSTEP_S, LOCKSTEP_S)) as runs:
         yield runs
 
 
 @pytest.mark.timeout(420)
 def test_turtles_follow_programs_in_real_time(runs: Runs) -> None:
-    assert_said(runs["turtles real"].result(), REAL["turtles"])
+    run = runs["turtles real"].result()
+    assert_said(run, REAL["turtles"])
+    assert_began(run, BEGUN["turtles"])
 
 
 @pytest.mark.timeout(420)
 def test_gazebos_names_work_in_real_time(runs: Runs) -> None:
     run = runs["gazebo real"].result()
     assert_said(run, REAL["gazebo"])
-    said = [each.partition(" ")[0] for each in run.lines("arm_exercise")]
-    assert [each for each in said if each in ("step", "swings")] == ["step", "swings"]
+    assert_began(run, BEGUN["gazebo"])
     assert_said(runs["resets real"].result(), REAL["resets"])
 
 

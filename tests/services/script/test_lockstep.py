@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import threading
 import time
 
 import pytest
@@ -135,6 +136,21 @@ def test_turns_end_at_waits_and_when_the_budget_is_spent() -> None:
         written.append(str(sorted(set(list(seen.values())[1:-1]))))
 
     assert run_scripts({"busy": busy}, 20)["busy"] == ["[500]"]
+
+
+def test_a_thread_that_computes_for_ever_keeps_its_script_from_nothing_when_it_is_asked_to_end() -> None:
+    def body(kernel: ScriptKernel, written: list[str]) -> None:
+        def compute() -> None:
+            while True:
+                kernel.point()
+
+        kernel.spawn(compute, "compute")
+        kernel.sleep_until(20 * MS)
+        threading.Thread(target=kernel.shut_down, args=("it is asked to",)).start()
+        kernel.wait_until(lambda: False)
+        written.append("main ends")
+
+    assert run_scripts({"body": body}, 20) == {"body": ["main ends"]}
 
 
 def test_what_a_script_tells_itself_comes_at_the_next_tick_while_all_its_threads_sleep() -> None:

@@ -10,6 +10,7 @@ class Repeater:
         self.twist = Twist()
         self.pub = rospy.Publisher("/tb3_1/cmd_vel", Twist, queue_size=1)
         rospy.Subscriber("/tb3_0/odom", Odometry, self.odom)
+        rospy.wait_for_message("/tb3_0/odom", Odometry)
 
     def odom(self, msg):
         self.twist.linear.x = msg.twist.twist.linear.x

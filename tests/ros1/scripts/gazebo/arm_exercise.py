@@ -13,9 +13,9 @@ rospy.sleep(3)
 angle = degrees(joint("bear_link").position[0])
 print("step reached %.0f" % angle)
 client.update_configuration({"reference_type": 1, "sin_ref_gain": 20.0, "sin_ref_f": 0.5})
-rospy.sleep(2)
+rospy.sleep(1)
 lows, highs = [], []
-for period in range(3):
+for period in range(2):
     seen = []
     end = rospy.get_time() + 2
     while rospy.get_time() < end:
@@ -23,4 +23,4 @@ for period in range(3):
         rospy.sleep(0.05)
     lows.append(min(seen))
     highs.append(max(seen))
-print("swings from %.0f to %.0f" % (round(sorted(lows)[1], -1), round(sorted(highs)[1], -1)))
+print("swings from %.0f to %.0f" % (round(min(lows), -1), round(max(highs), -1)))
