@@ -193,7 +193,7 @@ class PageOpener:
     def __init__(self, browser: Browser, url: str, kept: list[Page]) -> None:
         self._browser, self._url, self._kept = browser, url, kept
         parts = urlsplit(url)
-        self._picture = f"{parts.scheme}://{parts.netloc}/static/favicon.svg"
+        self._origin = f"{parts.scheme}://{parts.netloc}"
         self._first: Page | None = None
         self._is_loaded = self._is_taken = False
         self._contexts: list[BrowserContext] = []
@@ -223,7 +223,8 @@ class PageOpener:
                 return page
             page.evaluate("localStorage.clear()")
         if plots is not None:
-            page.goto(self._picture)
+            if not page.url.startswith(self._origin):
+                page.goto(self._url)
             page.evaluate("plots => localStorage.setItem('elea.plots', plots)", json.dumps(plots))
         page.goto(self._url)
         self._is_loaded = self._is_loaded or page is self._first
@@ -243,7 +244,7 @@ class PageOpener:
             return
         page.remove_listener("pageerror", self._note_error)
         page.remove_listener("console", self._note_line)
-        page.goto(self._picture)  # at another origin its process would end
+        page.goto(f"{self._origin}/static/favicon.svg")  # at another origin its process would end
         page.evaluate("localStorage.clear()")
         page.context.clear_cookies()
         self._kept.append(page)

@@ -100,7 +100,7 @@ def test_who_dies_disappears_within_three_seconds(fleet: PanelFleet, pages: Page
     )
     with stray:
         node = page.locator("g.node[data-node='/stray/waypoint']")
-        expect(node.first).to_be_visible()
+        wait_page(lambda: node.first.is_visible(), WITHIN_S, "the node is on the graph")
         page.click("#tab-plots")
         page.click("#tab-graph")
         stray.kill()

@@ -9,7 +9,7 @@ from messages.topics import CLOCK
 from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import ROBOTS, WITHIN_S, PageOpener, PanelFleet
-from tests.services.panel.page_actions import map_point, wait_page
+from tests.services.panel.page_actions import map_point, wait_page, wait_text
 
 pytestmark = pytest.mark.usefixtures("anew")
 
@@ -29,7 +29,7 @@ def test_a_clicked_goal_makes_the_robot_go(fleet: PanelFleet, pages: PageOpener)
         return abs(at.x - 0.6) < 0.05 and abs(at.y - 0.4) < 0.05
 
     fleet.wait(there, 2 * WITHIN_S, "tb3_0 at its goal")
-    expect(page.locator("[data-robot='/tb3_0'] .state")).to_contain_text("finished")
+    wait_text(page.locator("[data-robot='/tb3_0'] .state"), "finished", WITHIN_S)
 
 
 def test_a_stop_stops_all_until_it_is_reset(fleet: PanelFleet, pages: PageOpener) -> None:
@@ -39,7 +39,7 @@ def test_a_stop_stops_all_until_it_is_reset(fleet: PanelFleet, pages: PageOpener
         page.click("#stop")
         fleet.wait(lambda: all(fleet.base[robot].e_stopped for robot in ROBOTS), what="all bases stopped")
         fleet.wait(lambda: all(map(fleet.is_standing, ROBOTS)), what="all robots at rest")
-        expect(page.locator("#stop")).to_have_text("STOPPED")
+        wait_text(page.locator("#stop"), "^STOPPED$", WITHIN_S)
         page.click("#stop-reset")
         fleet.wait(lambda: not any(fleet.base[robot].e_stopped for robot in ROBOTS), what="all bases free")
         fleet.wait(lambda: fleet.is_moving("/tb3_1"), what="tb3_1 goes on")
