@@ -23,6 +23,7 @@ from services.player.playback import (
     select,
 )
 from services.runtime.context import Context
+from services.runtime.discovery import known_nodes
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.node import Node
@@ -34,7 +35,9 @@ _FLUSH_CYCLES = 3
 
 
 _DISCOVERY_S = 1.5
-"""Wall time to discover a running simulation: with two clocks, time would jump back and forth for all nodes."""
+"""Wall time to discover a running simulation: with two clocks, time would jump back and forth for all nodes. Where a
+router says who is there, it ends once the tokens of these nodes have had time to arrive.
+"""
 
 
 class PlaybackIncomplete(EleaError):
@@ -109,12 +112,16 @@ def _playback_clock(
 
 def _other_clock_publisher(node: Node) -> str:
     """The node that already publishes simulation time; empty if none is found within _DISCOVERY_S."""
+    known = known_nodes(node.transport)
     deadline = time.monotonic() + _DISCOVERY_S
+    is_complete = False
     while True:
         found = (Entity.parse(key) for key in node.transport.tokens(token_pattern("pub", name=CLOCK.name)))
         others = [each.node for each in found if each is not None and each.session != node.transport.session]
         if others or time.monotonic() > deadline:
             return next(iter(others), "")
+        if not is_complete and known is not None and known <= set(node.transport.tokens(token_pattern("node"))):
+            is_complete, deadline = True, min(deadline, time.monotonic() + node.transport.settle_s)
         node.spin_once()
         time.sleep(0.05)
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 from urllib.parse import urlsplit
 
 import pytest
@@ -31,6 +32,7 @@ from tests.harness.ports import free_port
 from tests.harness.processes import Process
 from tests.harness.waiting import wait_until
 from tests.services.panel.hub_harness import HubHarness, hub_harness
+from tests.services.panel.page_actions import wait_page
 from tests.services.panel.server_harness import TOKEN, ServerHarness
 
 STARTS = {"/tb3_0": 0.0, "/tb3_1": 1.0, "/tb3_2": -1.0}
@@ -183,56 +185,86 @@ def browser() -> Iterator[Browser]:
 class PageOpener:
     """Opens pages at an address, each in a browser of its own as far as cookies go, and watches for their errors.
 
-    The first is that of the test before, made as new: to load the panel again takes a quarter of the processor time
-    that another browser takes. With ``own`` it is another, for a test that leaves it closed, busy or with keys down.
+    The first of a test is that of the test before it in its file, as that has left it: to load the panel again takes
+    two thirds of a second of processor time. With ``new`` it is loaded again and remembers nothing, with ``plots``
+    nothing but these; with ``own`` it is another one, for a test that closes it or leaves it busy.
     """
 
     def __init__(self, browser: Browser, url: str, kept: list[Page]) -> None:
         self._browser, self._url, self._kept = browser, url, kept
+        parts = urlsplit(url)
+        self._origin = f"{parts.scheme}://{parts.netloc}"
         self._first: Page | None = None
+        self._is_loaded = self._is_taken = False
         self._contexts: list[BrowserContext] = []
-        self.errors: list[str] = []
+        self._errors: list[str] = []
 
-    def open(self, view: str, width: int = 1440, height: int = 900, own: bool = False) -> Page:
-        """The panel's page at one of its tabs, connected."""
-        page = self.load(width, height, own)
-        page.click(f"#tab-{view}")
-        expect(page.locator("#clock")).to_contain_text(":")
-        return page
+    def open(self, view: str, width: int = 1440, height: int = 900, **page: Any) -> Page:
+        """The panel's page at one of its tabs, connected; ``page`` is ``new``, ``own`` or ``plots`` of ``load``."""
+        opened = self.load(width, height, **page)
+        opened.click(f"#tab-{view}")
+        wait_page(lambda: ":" in opened.locator("#clock").inner_text(), WITHIN_S, "the clock of the fleet")
+        return opened
 
-    def load(self, width: int = 1440, height: int = 900, own: bool = False) -> Page:
-        """The panel's page as it is first seen."""
-        if own or self._first:
+    def load(
+        self, width: int = 1440, height: int = 900, new: bool = False, own: bool = False, plots: object = None
+    ) -> Page:
+        """The panel's page, as it is first seen unless it is that of the test before."""
+        if own or self._is_taken:
             self._contexts.append(self._browser.new_context())
-            page = self._contexts[-1].new_page()
+            page = self._watch(self._contexts[-1].new_page())
         else:
-            page = self._first = self._kept.pop() if self._kept else self._browser.new_context().new_page()
+            if self._first is None:
+                self._first = self._watch(self._kept.pop() if self._kept else self._browser.new_context().new_page())
+            page, self._is_taken = self._first, True
         page.set_viewport_size({"width": width, "height": height})
-        page.set_default_timeout(WITHIN_S * 1000)
-        page.on("pageerror", self._note_error)
-        page.on("console", self._note_line)
+        if page is self._first and self._is_loaded:
+            if not new and plots is None:
+                return page
+            page.evaluate("localStorage.clear()")
+        if plots is not None:
+            if not page.url.startswith(self._origin):
+                page.goto(self._url)
+            page.evaluate("plots => localStorage.setItem('elea.plots', plots)", json.dumps(plots))
         page.goto(self._url)
+        self._is_loaded = self._is_loaded or page is self._first
         return page
+
+    def end_test(self, failed: bool) -> None:
+        """Close the other pages; none may have reported an error. That of a test that failed is loaded again."""
+        self._close_others()
+        self._is_taken, self._is_loaded = False, self._is_loaded and not failed
+        errors, self._errors = self._errors, []
+        assert errors == []
 
     def close(self) -> None:
         """Close all but the page that is kept, which leaves the panel and forgets what it knows of it."""
-        for context in self._contexts:
-            context.close()
+        self._close_others()
         if (page := self._first) is None:
             return
         page.remove_listener("pageerror", self._note_error)
         page.remove_listener("console", self._note_line)
-        parts = urlsplit(self._url)
-        page.goto(f"{parts.scheme}://{parts.netloc}/static/favicon.svg")  # at another origin its process would end
+        page.goto(f"{self._origin}/static/favicon.svg")  # at another origin its process would end
         page.evaluate("localStorage.clear()")
         page.context.clear_cookies()
         self._kept.append(page)
 
+    def _close_others(self) -> None:
+        for context in self._contexts:
+            context.close()
+        self._contexts.clear()
+
+    def _watch(self, page: Page) -> Page:
+        page.set_default_timeout(WITHIN_S * 1000)
+        page.on("pageerror", self._note_error)
+        page.on("console", self._note_line)
+        return page
+
     def _note_error(self, error: Error) -> None:
-        self.errors.append(str(error))
+        self._errors.append(str(error))
 
     def _note_line(self, line: ConsoleMessage) -> None:
-        self.errors += [line.text] if line.type == "error" else []
+        self._errors += [line.text] if line.type == "error" else []
 
 
 @pytest.fixture(scope="package")
@@ -246,18 +278,32 @@ def kept_pages(browser: Browser) -> Iterator[list[Page]]:
 
 @contextmanager
 def page_opener(browser: Browser, url: str, kept: list[Page]) -> Iterator[PageOpener]:
-    """Pages that are closed at the end, none of which may have reported an error."""
+    """Pages that are closed at the end."""
     made = PageOpener(browser, url, kept)
     try:
         yield made
     finally:
         made.close()
-    assert made.errors == []
+
+
+@contextmanager
+def one_test(opener: PageOpener, request: pytest.FixtureRequest) -> Iterator[PageOpener]:
+    """The pages of one of the tests that share them, of which none may have reported an error."""
+    before = request.session.testsfailed
+    yield opener
+    opener.end_test(request.session.testsfailed > before)
+
+
+@pytest.fixture(scope="module")
+def opener(browser: Browser, fleet: PanelFleet, kept_pages: list[Page]) -> Iterator[PageOpener]:
+    with page_opener(browser, fleet.address.url, kept_pages) as made:
+        yield made
 
 
 @pytest.fixture
-def pages(browser: Browser, fleet: PanelFleet, kept_pages: list[Page]) -> Iterator[PageOpener]:
-    with page_opener(browser, fleet.address.url, kept_pages) as made:
+def pages(opener: PageOpener, request: pytest.FixtureRequest) -> Iterator[PageOpener]:
+    """Pages of the fleet's panel. The first is as the test before has left it, unless a new one is asked for."""
+    with one_test(opener, request) as made:
         yield made
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -11,12 +12,19 @@ from tests.harness.waiting import wait_until
 
 T = TypeVar("T")
 ASK_S = 0.05
-"""Wall time between two questions to a page: each takes it and the browser milliseconds of processor time."""
+"""Wall time between two questions to a page: each takes it and the browser milliseconds of processor time. Playwright's
+``expect`` asks after 0.1, 0.25 and 0.5 s and then each second, which is for what is so at once.
+"""
 
 
 def wait_page(probe: Callable[[], T], within: float, what: str) -> T:
     """The first true value of ``probe``, which asks a page; fails after ``within`` [s]."""
     return wait_until(probe, within, what, ASK_S)
+
+
+def wait_text(shown: Locator, pattern: str, within: float) -> None:
+    """Until the text of an element has the pattern in it; fails after ``within`` [s]."""
+    wait_page(lambda: re.search(pattern, shown.text_content() or ""), within, f"{pattern} in {shown}")
 
 
 def legend_value(page: Page, line: str) -> float | None:
@@ -39,6 +47,22 @@ def exported_csv(page: Page, plot: Locator) -> list[str]:
     with page.expect_download() as saving:
         plot.locator("button:has-text('CSV')").click()
     return saving.value.path().read_text().splitlines()
+
+
+HELD = """plot => new Promise((done) => {
+  const { createObjectURL } = URL, { click } = HTMLAnchorElement.prototype;
+  URL.createObjectURL = (blob) => { blob.text().then(done); return ""; };
+  HTMLAnchorElement.prototype.click = () => {};
+  [...plot.querySelectorAll("button")].find((each) => each.textContent === "CSV").click();
+  Object.assign(URL, { createObjectURL });
+  Object.assign(HTMLAnchorElement.prototype, { click });
+})"""
+
+
+def held_csv(plot: Locator) -> list[str]:
+    """The same as often as is wanted: without a file, of which Chromium takes two in a second from a page."""
+    text: str = plot.evaluate(HELD)
+    return text.splitlines()
 
 
 def map_point(page: Page, x: float, y: float) -> dict[str, float]:

@@ -13,14 +13,12 @@ from messages.topics import JOINT_ANGLE
 from services.arm import ArmParameters
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
-from tests.services.panel.page_actions import exported_csv, legend_value, parameter_selector, set_slider, wait_page
+from tests.services.panel.page_actions import held_csv, legend_value, parameter_selector, set_slider, wait_page
 
 SET, REFERENCE = "/robot_control", 30.0
 ARM = ArmParameters()
 NEAR = 0.002
 """deg by which the error may differ from what statics says."""
-PAUSE_MS = 500
-"""Wall time between two saved files: Chromium refuses a page that offers many at once."""
 LINE = "robot_control/error"
 STILL_S = 1.0
 """Simulation time over which the error must stand there."""
@@ -43,7 +41,7 @@ def left(gain: float) -> float:
 
 def held(page: Page) -> list[float]:
     """The errors of the last STILL_S that the page's plot holds; none when it does not hold so much yet."""
-    head, *rows = exported_csv(page, page.locator(f".plot:has(.chip:has-text('{LINE}'))"))
+    head, *rows = held_csv(page.locator(f".plot:has(.chip:has-text('{LINE}'))"))
     assert head == f"time [s],/{LINE} data"
     samples = [(float(time), float(error)) for time, error in (row.split(",") for row in rows)]
     if not samples or samples[-1][0] - samples[0][0] < STILL_S:
@@ -52,11 +50,10 @@ def held(page: Page) -> list[float]:
 
 
 def stands(page: Page, error: float) -> bool:
-    """Whether the plot holds nothing but this error of late; looked up when its legend shows it, for so many files."""
+    """Whether the plot holds nothing but this error of late; looked up when its legend shows it."""
     shown = legend_value(page, LINE)
     if shown is None or abs(shown - error) > NEAR:
         return False
-    page.wait_for_timeout(PAUSE_MS)
     errors = held(page)
     return len(errors) > 50 and all(abs(each - error) < NEAR for each in errors)
 

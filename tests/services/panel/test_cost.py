@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 
@@ -24,11 +23,9 @@ SPELLS = 5
 """Of two seconds each; the figure is their median."""
 
 
-def eight(pages: PageOpener, fleet: PanelFleet) -> Page:
+def eight(pages: PageOpener) -> Page:
     """A page with two plots of four fields each, drawing."""
-    page = pages.open("plots")
-    page.evaluate("fields => localStorage.setItem('elea.plots', fields)", json.dumps([FIELDS[:4], FIELDS[4:]]))
-    page.reload()
+    page = pages.open("plots", plots=[FIELDS[:4], FIELDS[4:]])
     page.locator(".plot canvas").nth(1).wait_for()
     return page
 
@@ -38,7 +35,7 @@ def test_eight_fields_at_50_hz_cost_the_panel_less_than_a_tenth_of_a_core(
     fleet: PanelFleet, pages: PageOpener, keeps_bound: Callable[[Figure], None]
 ) -> None:
     """Processor time of the process, spell by spell."""
-    page = eight(pages, fleet)
+    page = eight(pages)
     panel = psutil.Process(fleet.address.pid)
     page.evaluate("() => { window.frames_ = 0; window.elea.link.on('samples', () => { window.frames_++; }); }")
     shares = []
@@ -53,10 +50,10 @@ def test_eight_fields_at_50_hz_cost_the_panel_less_than_a_tenth_of_a_core(
 
 @pytest.mark.bench
 def test_the_page_draws_more_than_15_times_a_second_in_software(
-    fleet: PanelFleet, pages: PageOpener, keeps_bound: Callable[[Figure], None]
+    pages: PageOpener, keeps_bound: Callable[[Figure], None]
 ) -> None:
     """Counts how often each plot is wiped to be drawn again, not how often the browser had time to draw."""
-    page = eight(pages, fleet)
+    page = eight(pages)
     count = """() => new Promise((done) => {
       const wipe = CanvasRenderingContext2D.prototype.clearRect, begun = performance.now();
       let drawn = 0;
@@ -73,9 +70,9 @@ def test_the_page_draws_more_than_15_times_a_second_in_software(
     keeps_bound(Figure("page_drawings_per_s", "1/s", "drawings of each plot on that page", rates, at_least=15.0))
 
 
-def test_ten_minutes_of_samples_grow_the_page_by_less_than_20_mb(fleet: PanelFleet, pages: PageOpener) -> None:
+def test_ten_minutes_of_samples_grow_the_page_by_less_than_20_mb(pages: PageOpener) -> None:
     """The samples of ten minutes, handed to the page as its socket does, in the time that this takes."""
-    page = eight(pages, fleet)
+    page = eight(pages)
     session = page.context.new_cdp_session(page)
 
     def held() -> float:

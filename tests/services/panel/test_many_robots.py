@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from deploy.bench.figures import Figure
-from tests.services.panel.conftest import page_opener
+from tests.services.panel.conftest import PageOpener, page_opener
 from tests.services.panel.server_harness import ServerHarness
 
 ROBOTS = 100
@@ -50,13 +50,18 @@ DRAW = """() => {
 }"""
 
 
+@pytest.fixture(scope="module")
+def opener(browser: Browser, server: ServerHarness, kept_pages: list[Page]) -> Iterator[PageOpener]:
+    """In place of the pages of a fleet: those of a server without one."""
+    with page_opener(browser, server.url, kept_pages) as made:
+        yield made
+
+
 @pytest.fixture
-def page(browser: Browser, server: ServerHarness, kept_pages: list[Page]) -> Iterator[Page]:
-    """The page of a server without a fleet."""
-    with page_opener(browser, server.url, kept_pages) as pages:
-        opened = pages.load()
-        opened.wait_for_function("window.elea?.map")
-        yield opened
+def page(pages: PageOpener) -> Page:
+    opened = pages.load()
+    opened.click("#tab-robots")
+    return opened
 
 
 def test_what_a_drawing_takes_is_bounded_and_names_do_not_overlap(page: Page) -> None:

@@ -100,7 +100,7 @@ def test_who_dies_disappears_within_three_seconds(fleet: PanelFleet, pages: Page
     )
     with stray:
         node = page.locator("g.node[data-node='/stray/waypoint']")
-        expect(node.first).to_be_visible()
+        wait_page(lambda: node.first.is_visible(), WITHIN_S, "the node is on the graph")
         page.click("#tab-plots")
         page.click("#tab-graph")
         stray.kill()
@@ -158,7 +158,7 @@ def test_the_log_shows_what_was_said(fleet: PanelFleet, pages: PageOpener) -> No
 
 
 def test_nothing_sticks_out_of_the_screen(fleet: PanelFleet, pages: PageOpener) -> None:
-    page = pages.open("robots", 390, 844)
+    page = pages.open("robots", 390, 844, new=True)
     for width, height in ((390, 844), (1280, 720)):
         page.set_viewport_size({"width": width, "height": height})
         for view in ("robots", "plots", "graph", "processes", "log"):

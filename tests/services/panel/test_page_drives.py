@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from messages.topics import CLOCK
+from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import ROBOTS, WITHIN_S, PageOpener, PanelFleet
-from tests.services.panel.page_actions import map_point, wait_page
+from tests.services.panel.page_actions import map_point, wait_page, wait_text
 
 pytestmark = pytest.mark.usefixtures("anew")
 
@@ -28,7 +29,7 @@ def test_a_clicked_goal_makes_the_robot_go(fleet: PanelFleet, pages: PageOpener)
         return abs(at.x - 0.6) < 0.05 and abs(at.y - 0.4) < 0.05
 
     fleet.wait(there, 2 * WITHIN_S, "tb3_0 at its goal")
-    expect(page.locator("[data-robot='/tb3_0'] .state")).to_contain_text("finished")
+    wait_text(page.locator("[data-robot='/tb3_0'] .state"), "finished", WITHIN_S)
 
 
 def test_a_stop_stops_all_until_it_is_reset(fleet: PanelFleet, pages: PageOpener) -> None:
@@ -38,7 +39,7 @@ def test_a_stop_stops_all_until_it_is_reset(fleet: PanelFleet, pages: PageOpener
         page.click("#stop")
         fleet.wait(lambda: all(fleet.base[robot].e_stopped for robot in ROBOTS), what="all bases stopped")
         fleet.wait(lambda: all(map(fleet.is_standing, ROBOTS)), what="all robots at rest")
-        expect(page.locator("#stop")).to_have_text("STOPPED")
+        wait_text(page.locator("#stop"), "^STOPPED$", WITHIN_S)
         page.click("#stop-reset")
         fleet.wait(lambda: not any(fleet.base[robot].e_stopped for robot in ROBOTS), what="all bases free")
         fleet.wait(lambda: fleet.is_moving("/tb3_1"), what="tb3_1 goes on")
@@ -50,26 +51,53 @@ def test_a_stop_stops_all_until_it_is_reset(fleet: PanelFleet, pages: PageOpener
         expect(page.locator("#stop")).to_have_text("STOP")
 
 
-@pytest.mark.parametrize("end", ["key up", "page closes", "view changes", "page hangs"])
-def test_a_held_key_drives_and_the_robot_stops_when_the_hand_is_gone(
-    fleet: PanelFleet, pages: PageOpener, end: str
-) -> None:
-    page = pages.open("robots", own=end.startswith("page"))
-    page.click("[data-robot='/tb3_2']")
-    page.keyboard.down("w")
-    fleet.wait(lambda: fleet.is_moving("/tb3_2"), what="tb3_2 drives")
+def hold(fleet: PanelFleet, page: Page, key: str) -> None:
+    """Press a key that drives the third robot, ahead or back, and keep it down."""
+    ahead = -1 if key == "," else 1
+    page.keyboard.down(key)
+    fleet.wait(lambda: ahead * fleet.speed("/tb3_2") > 0.05, what="tb3_2 drives")
     fleet.wait(lambda: fleet.base["/tb3_2"].source == "/panel", what="the base obeys the panel")
-    if end == "key up":
-        page.keyboard.up("w")
-    elif end == "page closes":
-        page.context.close()
-    elif end == "view changes":
-        page.click("#tab-log")
-    else:
-        page.evaluate("setTimeout(() => { const end = Date.now() + 4000; while (Date.now() < end); }, 0)")
-    fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands, long before a page that hangs comes back")
-    if end == "view changes":
-        page.keyboard.up("w")
+
+
+def test_a_held_key_drives_and_the_robot_stops_when_the_hand_is_gone(fleet: PanelFleet, pages: PageOpener) -> None:
+    """A comma goes down and a semicolon comes up; a system key or a menu swallows the end of another."""
+    page = pages.open("robots")
+    for end, key in (("key up", "w"), ("Shift", ","), ("view changes", "w"), ("Meta", ",")):
+        with case(end):
+            page.click("#tab-robots")
+            page.click("[data-robot='/tb3_2']")
+            hold(fleet, page, key)
+            if end == "key up":
+                page.keyboard.up(key)
+            elif end == "view changes":
+                page.click("#tab-log")
+            else:
+                page.keyboard.down(end)
+                page.keyboard.up(key) if end == "Shift" else page.keyboard.up(end)
+            fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands")
+            for each in (end, key) if end in ("Shift", "Meta") else (key,):
+                page.keyboard.up(each)
+
+
+def test_a_held_key_drives_no_more_when_its_page_is_gone(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots", own=True)
+    session = page.context.new_cdp_session(page)
+    page.click("[data-robot='/tb3_2']")
+    for end, key in (("menu", ","), ("page hangs", "w"), ("page closes", ",")):
+        with case(end):
+            hold(fleet, page, key)
+            if end == "menu":
+                page.click("#views", button="right", position={"x": 400, "y": 300})
+            elif end == "page hangs":
+                session.send("Debugger.enable")
+                session.send("Debugger.pause")
+            else:
+                page.context.close()
+            fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands")
+            if end == "page hangs":
+                session.send("Debugger.resume")
+            if end != "page closes":
+                page.keyboard.up(key)
 
 
 def test_the_stick_drives_while_it_is_held(fleet: PanelFleet, pages: PageOpener) -> None:

@@ -12,15 +12,14 @@ from playwright.sync_api import Locator, Page, expect
 from models.palette import COLOURS, Colour, colours
 from tests.harness.processes import Process
 from tests.services.panel.conftest import ROBOTS, WITHIN_S, PageOpener, PanelFleet
-from tests.services.panel.page_actions import exported_csv, wait_page
+from tests.services.panel.page_actions import exported_csv, held_csv, wait_page
 
 SHOWN = "() => [...document.querySelectorAll('.plot')].map(each => each.querySelectorAll('.chip').length)"
 
 
-def times(page: Page, plot: Locator) -> tuple[float, float]:
+def times(plot: Locator) -> tuple[float, float]:
     """First and last time of what the plot saves."""
-    page.wait_for_timeout(500)  # Chromium refuses a page that offers many files at once
-    rows = exported_csv(page, plot)[1:]
+    rows = held_csv(plot)[1:]
     return float(rows[0].split(",")[0]), float(rows[-1].split(",")[0])
 
 
@@ -52,25 +51,6 @@ def dragged(page: Page, over: Locator) -> bool:
         return True
     over.dblclick()
     return False
-
-
-def test_a_drag_zooms_the_wheel_widens_and_a_double_click_returns(fleet: PanelFleet, pages: PageOpener) -> None:
-    page = pages.open("plots")
-    page.select_option("#plots-window", "5")
-    plot = page.locator(".plot").first
-    over = plot.locator(".u-over")
-    wait_page(
-        lambda: (lambda t: t[1] - t[0] > 6)(times(page, plot)), 2 * WITHIN_S, "more samples than the window shows"
-    )
-    wait_page(lambda: dragged(page, over), 2 * WITHIN_S, "a drag over a layout that stands")
-    first, last = times(page, plot)
-    assert 2.0 < last - first <= 2.51, "half of the five seconds"
-    over.hover()
-    page.mouse.wheel(0, 100)
-    wait_page(lambda: (lambda t: t[1] - t[0] > last - first + 0.2)(times(page, plot)), WITHIN_S, "a wider view")
-    over.dblclick()
-    expect(page.locator("button:has-text('Follow')")).to_be_disabled()
-    wait_page(lambda: (lambda t: t[1] > last + 2 and t[1] - t[0] > 6)(times(page, plot)), WITHIN_S, "it follows again")
 
 
 def test_plots_come_back_but_not_those_of_another_fleet(fleet: PanelFleet, pages: PageOpener) -> None:
@@ -112,7 +92,6 @@ def test_lines_have_the_colours_of_their_robots_also_where_those_come_later(
     fleet: PanelFleet, pages: PageOpener
 ) -> None:
     robots = colours(each.strip("/") for each in ROBOTS)
-    page = pages.open("plots")
     drawn = [
         ["/tb3_1/odom", "pose.pose.position.y"],
         ["/tb3_2/odom", "pose.pose.position.y"],
@@ -121,8 +100,7 @@ def test_lines_have_the_colours_of_their_robots_also_where_those_come_later(
         ["/clock", "clock.sec"],
         ["/clock", "clock.nanosec"],
     ]
-    page.evaluate("plots => localStorage.setItem('elea.plots', plots)", json.dumps([drawn]))
-    page.reload()
+    page = pages.open("plots", plots=[drawn])
     plot = page.locator(".plot")
     expect(plot.locator(".chip")).to_have_count(len(drawn))
     wait_page(lambda: legend(plot)[0][0] == robots["tb3_1"], WITHIN_S, "the lines of a robot in its colour")
@@ -152,7 +130,7 @@ from geometry_msgs.msg import Point
 rospy.init_node("probe")
 out, rate = rospy.Publisher("/probe/reading", Reading, queue_size=10), rospy.Rate(20)
 while not rospy.is_shutdown():
-    level = math.sin(rospy.get_time())
+    level = math.sin(8 * rospy.get_time())
     out.publish(Reading(None, level, [1, 2 * level], [Point(), Point(x=3)], [7, 8, 9], True, rospy.Time(2), "full"))
     rate.sleep()
 """
@@ -188,7 +166,7 @@ def test_numbers_that_only_a_script_has_a_type_for_are_drawn(
     (package / "probe.py").write_text(SCRIPT)
     script = ["-m", "services.script", "--connect", fleet.endpoint, str(package / "probe.py")]
     with Process(script, tmp_path / "probe.log"):
-        page = pages.open("plots")
+        page = pages.open("plots", new=True)
         page.click("#add-plot")
         page.fill("input[placeholder='Filter topics']", "probe/reading")
         page.click("button.topic:has-text('reading')")
@@ -199,9 +177,27 @@ def test_numbers_that_only_a_script_has_a_type_for_are_drawn(
         expect(plot.locator(".chip")).to_have_count(len(fields))
         wait_page(lambda: plot.evaluate(DRAWN) > 20, WITHIN_S, "a curve, which takes many rows of the picture")
         header, *rows = exported_csv(page, plot)
+        plot.locator("button[title='Remove this plot']").click()
     assert header == ",".join(["time [s]", *(f"/probe/reading {field}" for field in fields)])
     found = [[float(cell) for cell in row.split(",")[1:]] for row in rows if "" not in row.split(",")]
     assert found
     for level, second, *constant in found:
         assert second == pytest.approx(2 * level, abs=1e-5)
         assert constant == [3, 9, 1, 2]
+
+
+def test_a_drag_zooms_the_wheel_widens_and_a_double_click_returns(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("plots")
+    page.select_option("#plots-window", "5")
+    plot = page.locator(".plot").first
+    over = plot.locator(".u-over")
+    wait_page(lambda: (lambda t: t[1] - t[0] > 6)(times(plot)), 2 * WITHIN_S, "more samples than the window shows")
+    wait_page(lambda: dragged(page, over), 2 * WITHIN_S, "a drag over a layout that stands")
+    first, last = times(plot)
+    assert 2.0 < last - first <= 2.51, "half of the five seconds"
+    over.hover()
+    page.mouse.wheel(0, 100)
+    wait_page(lambda: (lambda t: t[1] - t[0] > last - first + 0.2)(times(plot)), WITHIN_S, "a wider view")
+    over.dblclick()
+    expect(page.locator("button:has-text('Follow')")).to_be_disabled()
+    wait_page(lambda: (lambda t: t[1] > last + 2 and t[1] - t[0] > 6)(times(plot)), WITHIN_S, "it follows again")

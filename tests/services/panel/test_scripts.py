@@ -18,6 +18,7 @@ def page(browser: Browser, server: ServerHarness, kept_pages: list[Page]) -> Ite
     """One for all tests: none of them changes what it shows for good."""
     with page_opener(browser, server.url, kept_pages) as pages:
         yield pages.load()
+        pages.end_test(failed=False)
 
 
 def test_a_history_is_bounded_and_rises(page: Page) -> None:

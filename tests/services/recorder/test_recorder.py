@@ -45,7 +45,7 @@ from services.recorder.loop import run as record
 from services.runtime.main import main
 
 def run(ctx):
-    resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (80_000, 80_000))
     record(ctx)
 
 main(replace(SERVICE, run=run))
@@ -58,7 +58,7 @@ duration = 30
 [[robot]]
 name = "r"
 model = "burger"
-services = [{ kind = "waypoint", parameters = { goals = [[1.5, 0.0]] } }]
+services = [{ kind = "waypoint", parameters = { goals = [[0.8, 0.0]] } }]
 """
 FLEET_OF_MODE = """
 name = "f"
@@ -129,7 +129,7 @@ def test_a_killed_recorder_has_lost_a_second_at_most(network: Network, node: Nod
     with record(network, node, tmp_path / "bag", "--param", 'topics=["/k/odom"]') as process:
         wait_until(lambda: out.has_subscribers)
         begun, sent = time.monotonic(), []
-        while time.monotonic() - begun < 2.5:
+        while time.monotonic() - begun < 1.6:
             out.publish(ODOM.record())
             sent.append(time.monotonic())
             time.sleep(0.005)
@@ -162,7 +162,7 @@ def test_a_full_disk_stops_nothing_and_is_told(tmp_path: Path) -> None:
         network.start("waypoint", "--lockstep", "--namespace", "/r", "--param", "goals=[[100,0]]")
         command = [
             "-c",
-            LIMITED.format(limit=400_000),
+            LIMITED.format(limit=200_000),
             *("--connect", network.endpoint, "--lockstep", "--param", f"output={tmp_path / 'bag'}"),
             *("--param", 'members=["/r/waypoint"]'),
         ]
@@ -184,7 +184,7 @@ def test_a_full_disk_stops_nothing_and_is_told(tmp_path: Path) -> None:
     numbers = [each.sequence for each in found if each.channel.topic == "/r/odom"]
     assert numbers
     assert numbers == sorted(set(numbers)), "whole chunks, each once"
-    assert all((tmp_path / "bag" / each.name).stat().st_size <= 400_000 for each in (tmp_path / "bag").iterdir())
+    assert all((tmp_path / "bag" / each.name).stat().st_size <= 200_000 for each in (tmp_path / "bag").iterdir())
 
 
 def test_a_run_whose_bag_is_not_whole_says_so(tmp_path: Path) -> None:
@@ -207,7 +207,7 @@ def test_a_recording_begins_with_the_run(tmp_path: Path) -> None:
         fleet = folder / "fleet.toml"
         fleet.write_text(FLEET_OF_MODE.format(mode=mode))
         line = CommandLine(folder)
-        begun[mode] = line, line.start_fleet(fleet, folder / "run", "--record", "--duration", "2")
+        begun[mode] = line, line.start_fleet(fleet, folder / "run", "--record", "--duration", "1")
     for mode, (line, process) in begun.items():
         with case(mode):
             ended = line.finish(process)

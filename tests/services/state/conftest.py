@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,11 @@ class TfHarness:
     def run_command(self, *arguments: str, within: float = 60.0) -> subprocess.CompletedProcess[str]:
         """A verb on this network, run to its end."""
         return run_verb(*arguments, "--connect", self.network.endpoint, within=within)
+
+    def run_together(self, *commands: tuple[str, ...]) -> list[subprocess.CompletedProcess[str]]:
+        """Verbs beside each other, each run to its end: what most of them do is to listen."""
+        with ThreadPoolExecutor(len(commands)) as pool:
+            return list(pool.map(lambda words: self.run_command(*words), commands))
 
 
 @pytest.fixture(scope="package")

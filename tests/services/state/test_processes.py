@@ -18,6 +18,7 @@ from messages.tf import TFMessage
 from messages.topics import CMD_VEL, HEALTH, JOINT_STATES, ROBOT_DESCRIPTION, TF, TF_STATIC, Quality
 from models.urdf import read_joints
 from services.runtime.transport.wire import encoding
+from tests.harness.cases import case
 from tests.harness.message_recorder import MessageRecorder
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
@@ -121,25 +122,27 @@ def test_a_second_publisher_of_a_frame_is_told_by_both_sides(scene: TfHarness) -
         assert "/b/state" in shown.stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (("urdf=nowhere.urdf",), "nowhere.urdf cannot be read: No such file"),
-        (("model=burgr",), "did you mean 'burger'"),
-        (("model=burger", "urdf=x"), "both model"),
-        (("model=burger", "publish_default_positions=true", 'zeros=["elbow=1"]'), "no joint 'elbow'"),
-        (("model=burger", 'source_list=["joint_states"]'), "which is its own output"),
-        (('robots=["x", "/x"]',), "a name is given twice"),
-        (('robots=["x y"]',), "is not a name"),
-    ],
-)
-def test_what_cannot_be_is_refused_at_the_start(
-    scene: TfHarness, tmp_path: Path, arguments: tuple[str, ...], told: str
-) -> None:
-    words = [word for each in arguments for word in ("--param", each)]
-    process = scene.network.start("state", "--namespace", f"/wrong{abs(hash(arguments)) % 1000}", *words)
-    assert process.wait(20.0) == 2
-    assert told in process.text
+WRONG = {
+    ("urdf=nowhere.urdf",): "nowhere.urdf cannot be read: No such file",
+    ("model=burgr",): "did you mean 'burger'",
+    ("model=burger", "urdf=x"): "both model",
+    ("model=burger", "publish_default_positions=true", 'zeros=["elbow=1"]'): "no joint 'elbow'",
+    ("model=burger", 'source_list=["joint_states"]'): "which is its own output",
+    ('robots=["x", "/x"]',): "a name is given twice",
+    ('robots=["x y"]',): "is not a name",
+}
+"""What is told of parameters that cannot be."""
+
+
+def test_what_cannot_be_is_refused_at_the_start(scene: TfHarness) -> None:
+    begun = {}
+    for number, arguments in enumerate(WRONG):
+        words = [word for each in arguments for word in ("--param", each)]
+        begun[arguments] = scene.network.start("state", "--namespace", f"/wrong{number}", *words)
+    for arguments, told in WRONG.items():
+        with case(*arguments):
+            assert begun[arguments].wait(20.0) == 2
+            assert told in begun[arguments].text
 
 
 def test_several_robots_and_sources_in_one_process(scene: TfHarness, tmp_path: Path) -> None:

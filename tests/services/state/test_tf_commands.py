@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import TF_STATIC
 from services.runtime.process import ROOT
+from tests.harness.cases import case
 from tests.harness.fork_server import run_verb
 from tests.harness.ports import free_port
 from tests.harness.processes import Network
@@ -30,8 +32,8 @@ from tests.services.state.conftest import TfHarness
 BURGER_FRAMES, GRIPPER_FRAMES = 8, 8
 
 
-def test_the_tree_shows_who_tells_of_what_and_how_often(scene: TfHarness) -> None:
-    ran = scene.run_command("tf", "tree", "--json", "--listen", "2")
+def test_the_tree_shows_who_tells_of_what_and_how_often_and_is_drawn(scene: TfHarness) -> None:
+    ran, drawn = scene.run_together(("tf", "tree", "--json", "--listen", "2"), ("tf", "tree"))
     assert (ran.returncode, ran.stderr) == (0, "")
     told = json.loads(ran.stdout)
     frames = {each["frame"]: each for each in told["frames"]}
@@ -50,11 +52,8 @@ def test_the_tree_shows_who_tells_of_what_and_how_often(scene: TfHarness) -> Non
     assert frames["gripper/arm"]["rate"] == pytest.approx(10, abs=0.5)
     assert frames["eye"]["parent"] == "gripper/hand"
 
-
-def test_the_tree_is_drawn(scene: TfHarness) -> None:
-    ran = scene.run_command("tf", "tree")
-    assert ran.returncode == 0, ran.stderr
-    lines = ran.stdout.splitlines()
+    assert drawn.returncode == 0, drawn.stderr
+    lines = drawn.stdout.splitlines()
     assert [line for line in lines if not line.startswith((" ", "├", "│", "└"))] == ["gripper/base", "world"]
     assert "├── a/odom  static, /sim" in lines
     assert any(line.startswith("│   └── a/base_footprint  25 Hz, ") for line in lines)
@@ -101,17 +100,16 @@ def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
     assert all(0.1 < later - earlier < 0.4 for earlier, later in pairwise(times[1:])), times
 
 
-@pytest.mark.parametrize(
-    ("source", "target", "told"),
-    [
-        ("world", "a/base_lnk", "frame 'a/base_lnk' is unknown; did you mean 'a/base_link'"),
-        ("world", "gripper/arm", "they are in two trees: 'world' with a/base_footprint"),
-    ],
-)
-def test_why_it_cannot_be_told(scene: TfHarness, source: str, target: str, told: str) -> None:
-    ran = scene.run_command("tf", "echo", source, target, "--timeout", "1")
-    assert (ran.returncode, ran.stdout) == (1, "")
-    assert told in ran.stderr
+def test_why_it_cannot_be_told(scene: TfHarness) -> None:
+    reasons = {
+        "a/base_lnk": "frame 'a/base_lnk' is unknown; did you mean 'a/base_link'",
+        "gripper/arm": "they are in two trees: 'world' with a/base_footprint",
+    }
+    all_ran = scene.run_together(*(("tf", "echo", "world", target, "--timeout", "1") for target in reasons))
+    for target, ran in zip(reasons, all_ran, strict=True):
+        with case(target):
+            assert (ran.returncode, ran.stdout) == (1, "")
+            assert reasons[target] in ran.stderr
 
 
 def test_a_closed_pipe_ends_it_quietly(scene: TfHarness) -> None:
@@ -163,11 +161,12 @@ def test_a_circle_is_no_tree(tmp_path: Path) -> None:
             for parent, child in pairs
         ]
         node.advertise(TF_STATIC).publish(TFMessage(transforms=tuple(transforms)))
-        ran = run_verb("tf", "tree", "--listen", "1", "--connect", network.endpoint)
+        with ThreadPoolExecutor() as pool:
+            words = ("tf", "tree", "--listen", "1"), ("tf", "echo", "p", "q", "--timeout", "1")
+            ran, echoed = pool.map(lambda each: run_verb(*each, "--connect", network.endpoint), words)
         assert ran.returncode == 1
         assert "frames in a loop: p in r in q in p" in ran.stderr
         assert "p in r  static, /twister, in a loop" in ran.stdout
-        echoed = run_verb("tf", "echo", "p", "q", "--timeout", "1", "--connect", network.endpoint)
         assert echoed.returncode == 1
         assert "in a loop" in echoed.stderr
 

@@ -13,10 +13,14 @@ from messages.elea import BaseStatus
 from messages.nav import Odometry
 from models.model import WheelConfig, read_model
 from services.teleop.hold_detector import MIN_REPEAT_TIMEOUT_S
+from tests.harness.cases import case
 from tests.harness.message_recorder import distance, speed, time_of
 from tests.harness.processes import Network
 from tests.harness.robot_recorder import STANDSTILL_SPEED
 from tests.system.lockstep_recorder import NODE, LockstepRecorder
+
+APART = 3.0
+"""m between two robots that drive side by side."""
 
 
 class Driven(NamedTuple):
@@ -31,29 +35,32 @@ class Driven(NamedTuple):
         return {round(time_of(each), 3): speed(each) for each in self.samples}
 
 
-def driven(
-    logs: Path,
-    model: str,
-    seconds: float,
-    *drivers: tuple[str, dict[str, object]],
-    base: dict[str, object] | None = None,
-) -> Driven:
-    """What a robot ``r`` does until ``seconds`` of simulation time, in lockstep with its drivers: services with
-    parameters.
-    """
+class Drive(NamedTuple):
+    """A robot of a model, and its drivers: services with parameters; ``base`` are parameters of the robot's own."""
+
+    model: str
+    drivers: dict[str, dict[str, object]]
+    base: dict[str, object] | None = None
+
+
+def driven(logs: Path, seconds: float, drives: dict[str, Drive]) -> dict[str, Driven]:
+    """What robots do until ``seconds`` of simulation time, side by side and in lockstep with all their drivers."""
+    drivers = [(name, kind, each.drivers[kind]) for name, each in drives.items() for kind in each.drivers]
     settings = {
-        "robots": [{"name": "r", "model": model, "parameters": base or {}}],
+        "robots": [
+            {"name": name, "model": each.model, "y": APART * number, "parameters": each.base or {}}
+            for number, (name, each) in enumerate(drives.items())
+        ],
         "mode": "lockstep",
-        "members": [NODE, *(f"/r/{kind}" for kind, _ in drivers)],
+        "members": [NODE, *(f"/{name}/{kind}" for name, kind, _ in drivers)],
     }
     with Network(logs) as network:
-        spectator = LockstepRecorder(network, logs, ["r"], seconds)
-        for kind, parameters in (("sim", settings), *drivers):
+        spectator = LockstepRecorder(network, logs, list(drives), seconds)
+        for where, kind, parameters in (("", "sim", settings), *drivers):
             words = [w for key, value in parameters.items() for w in ("--param", f"{key}={json.dumps(value)}")]
-            where = [] if kind == "sim" else ["--namespace", "/r"]
-            network.start(kind, *where, "--lockstep", *words)
+            network.start(kind, *(["--namespace", f"/{where}"] if where else []), "--lockstep", *words)
         seen = spectator.recording()
-        return Driven(seen.truth["r"], seen.status["r"])
+        return {name: Driven(seen.truth[name], seen.status[name]) for name in drives}
 
 
 def at(samples: list[Odometry], seconds: float) -> Odometry:
@@ -67,47 +74,101 @@ def wheels(model: str) -> WheelConfig:
     return figures
 
 
-@pytest.mark.parametrize(("model", "v"), [("burger", 0.2), ("p3dx", 0.2), ("p3dx", 0.5), ("p3dx", 0.75)])
-def test_a_released_key_stops_the_robot_on_the_way_that_theory_says(tmp_path: Path, model: str, v: float) -> None:
+class Stop(NamedTuple):
+    """A key that is held until a robot drives ahead at ``v`` [m/s]; times [s] of its last repeat and of its end."""
+
+    model: str
+    v: float
+
+    @property
+    def braking(self) -> float:
+        return self.v / wheels(self.model).acceleration
+
+    @property
+    def before(self) -> float:
+        """The last sample of ground truth before the last repeat."""
+        return 0.04 * math.ceil((1.5 + self.braking) / 0.04)
+
+    @property
+    def last(self) -> float:
+        return self.before + 0.01
+
+    @property
+    def told(self) -> float:
+        return self.last + MIN_REPEAT_TIMEOUT_S + 0.01
+
+    @property
+    def script(self) -> dict[str, object]:
+        return {"keys": f"i@0.49-{self.last:.2f}", "speed": self.v, "key_delay": 0.52, "key_interval": 0.02}
+
+
+STOPS = {
+    "slow": Stop("burger", 0.2),
+    "heavy": Stop("p3dx", 0.2),
+    "faster": Stop("p3dx", 0.5),
+    "fastest": Stop("p3dx", 0.75),
+}
+STAMPED: dict[str, object] = {"stamped": True, "frame_id": "stamped/base_link"}
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Driven]:
+    """Robots that a script alone drives."""
+    drives = {name: Drive(stop.model, {"teleop": stop.script}) for name, stop in STOPS.items()}
+    drives["held"] = Drive("burger", {"teleop": {"keys": "i@0.5-3", "speed": 0.2}})
+    script = {"keys": "i@0.5-2", "speed": 0.2, **STAMPED}
+    drives["stamped"] = Drive("burger", {"teleop": script}, {"use_stamped_vel": True})
+    seconds = max(stop.told + stop.braking for stop in STOPS.values()) + 0.5
+    return driven(tmp_path_factory.mktemp("alone"), max(seconds, 3.2), drives)
+
+
+def test_a_released_key_stops_the_robot_on_the_way_that_theory_says(alone: dict[str, Driven]) -> None:
     """The dead-man's time-out at speed, then v / a of braking: s = v t + v^2 / 2a, within 5 %.
 
     The last repeat comes 0.01 s after a sample of ground truth, and zero goes out at the first tick after its time-out.
     """
-    a = wheels(model).acceleration
-    before = 0.04 * math.ceil((1.5 + v / a) / 0.04)
-    last = before + 0.01
-    told = last + MIN_REPEAT_TIMEOUT_S + 0.01
-    script = {"keys": f"i@0.49-{last:.2f}", "speed": v, "key_delay": 0.52, "key_interval": 0.02}
-    samples = driven(tmp_path, model, told + v / a + 0.5, ("teleop", script)).samples
-    assert at(samples, 0.48).pose.pose.position.x == pytest.approx(0.0, abs=1e-3)
-    there = at(samples, before)
-    assert speed(there) == pytest.approx(v, rel=0.01)
-    assert distance(there, samples[-1]) == pytest.approx(v * (told - before) + v * v / (2 * a), rel=0.05)
-    stood = next(time_of(each) for each in samples if time_of(each) > told and abs(speed(each)) < STANDSTILL_SPEED)
-    assert stood - told == pytest.approx(v / a, rel=0.05, abs=0.04)
+    for name, stop in STOPS.items():
+        with case(stop.model, stop.v):
+            samples, v = alone[name].samples, stop.v
+            assert at(samples, 0.48).pose.pose.position.x == pytest.approx(0.0, abs=1e-3)
+            there = at(samples, stop.before)
+            assert speed(there) == pytest.approx(v, rel=0.01)
+            way = v * (stop.told - stop.before) + v * stop.braking / 2
+            assert distance(there, samples[-1]) == pytest.approx(way, rel=0.05)
+            stood = next(
+                time_of(each) for each in samples if time_of(each) > stop.told and abs(speed(each)) < STANDSTILL_SPEED
+            )
+            assert stood - stop.told == pytest.approx(stop.braking, rel=0.05, abs=0.04)
 
 
-def test_a_held_key_shows_no_stutter_in_the_robot(tmp_path: Path) -> None:
+def test_a_held_key_shows_no_stutter_in_the_robot(alone: dict[str, Driven]) -> None:
     """The first repeat comes after twice the base's time-out."""
-    speeds = driven(tmp_path, "burger", 4.0, ("teleop", {"keys": "i@0.5-3", "speed": 0.2})).speeds
+    speeds = alone["held"].speeds
+    assert max(speeds) > 3.0
     assert all(abs(v - 0.2) < 0.01 for now, v in speeds.items() if 0.8 < now < 3.0)
 
 
-def test_a_base_of_newer_ros_is_driven_by_stamped_commands(tmp_path: Path) -> None:
-    script = {"keys": "i@0.5-2", "speed": 0.2, "stamped": True, "frame_id": "r/base_link"}
-    found = driven(tmp_path, "burger", 3.0, ("teleop", script), base={"use_stamped_vel": True})
+def test_a_base_of_newer_ros_is_driven_by_stamped_commands(alone: dict[str, Driven]) -> None:
+    found = alone["stamped"]
     assert found.states[-1].stale_dropped == 0
     assert all(abs(v - 0.2) < 0.01 for now, v in found.speeds.items() if 0.8 < now < 2.0)
 
 
-WAY: tuple[str, dict[str, object]] = ("waypoint", {"goals": [[5, 0]]})
-BACK: tuple[str, dict[str, object]] = ("teleop", {"keys": ",@3-5", "speed": 0.2, "give_way": 0.5})
+CROSSED = {
+    "r": Drive(
+        "burger",
+        {
+            "waypoint": {"goals": [[5, 0]]},
+            "teleop": {"keys": ",@3-5", "speed": 0.2, "give_way": 0.5},
+        },
+    )
+}
 
 
 @pytest.fixture(scope="module")
 def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     """A robot that a script drives back on its way."""
-    return driven(tmp_path_factory.mktemp("interrupted"), "burger", 8.0, WAY, BACK)
+    return driven(tmp_path_factory.mktemp("interrupted"), 8.0, CROSSED)["r"]
 
 
 def test_it_wins_over_a_controller_and_gives_way_when_it_falls_silent(interrupted: Driven) -> None:
@@ -122,4 +183,4 @@ def test_it_wins_over_a_controller_and_gives_way_when_it_falls_silent(interrupte
 
 
 def test_a_script_repeats_bit_for_bit(interrupted: Driven, tmp_path: Path) -> None:
-    assert driven(tmp_path, "burger", 8.0, WAY, BACK) == interrupted
+    assert driven(tmp_path, 8.0, CROSSED)["r"] == interrupted

@@ -106,7 +106,7 @@ export class GroundMap {
     this.canvas.height = height * ratio;
     this.camera.width = width;
     this.camera.height = height;
-    if (!this.fitted) this.fitAtStart();
+    this.fitAtStart();
     this.dirty = true;
     this.draw();
   }
