@@ -426,7 +426,7 @@ def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[
             k = 0.7 * steering.curvature(steering.max_angle)
             speed = min(speed, rate / k)
             circle = drive_circle(fresh(), math.tau, speed, speed * k, settings.of_sides)
-            # A circle that is short by TURN ends that share of its length from where it began.
+            # A circle that misses TURN of its angle ends that share of its length from the start.
             yield _turn(circle, "360 deg on a circle", max(DRIFT, TURN * math.tau / k))
             return
         spin = turn_on_the_spot(fresh(), math.tau, rate, encoders)

@@ -34,7 +34,7 @@ def _either(text: str) -> Meta:
 
 
 def _share(text: str) -> Meta:
-    """A multiplier; the range is wide: skid-steered robots need 1.875 and 2.3 times the measured separation."""
+    """A multiplier; the range is wide: skid-steered robots use 1.875 and 2.3 times the measured separation."""
     return Meta(ge=0.1, le=10, description=text)
 
 

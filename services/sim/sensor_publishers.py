@@ -52,9 +52,10 @@ class NoiseSwitch(Protocol):
 
 @dataclass(frozen=True)
 class SensorMount:
-    """What the sensors of one robot share.
+    """The context shared by the sensors of one robot.
 
-    ``publisher`` advertises a topic of the robot, ``frame_id`` returns the frame id of a link, ``warn`` logs a warning.
+    ``publisher`` advertises a topic of the robot, ``frame_id`` adds the robot's prefix to a frame, ``warn`` logs a
+    warning.
     """
 
     world: World

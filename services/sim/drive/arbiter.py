@@ -14,7 +14,7 @@ STANDSTILL = 1e-9
 
 
 class Decision(NamedTuple):
-    """What a base does now: follow the command of ``source``, or brake to a stop. ``vy`` is sideways, m/s."""
+    """The current decision: follow the command of ``source``, or brake to a stop. ``vy`` is sideways, m/s."""
 
     v: float
     w: float

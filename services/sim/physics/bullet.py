@@ -33,7 +33,7 @@ from services.sim.physics.world_bodies import ground_height
 SECOND = 1_000_000_000
 
 STANDING = 0.7
-"""Minimum vertical part of a contact's normal on a ramp or height map that is not a collision: cos 45 degrees."""
+"""Vertical part of a contact's normal above which standing on a ramp or height map is no collision: cos 45 degrees."""
 
 MOST_RAYS = 16_000
 """Maximum number of rays that the engine casts in one call."""

@@ -66,7 +66,7 @@ class CollisionChecker:
             places: Poses of the world's movable and moving bodies.
 
         Raises:
-            BadInput: It would overlap with something; says with what and by how much.
+            BadInput: It would overlap with something; names what, and by how much.
         """
         copy, pose = self._copies[name], configuration.pose
         self._set_configuration(copy, configuration)

@@ -33,7 +33,7 @@ def configure(client: int, step: float) -> None:
         numSubSteps=0,
         numSolverIterations=SOLVER_ITERATIONS,
         solverResidualThreshold=0,  # never stop early: a resting robot creeps by 0.000 mm instead of 1 mm in 20 s
-        useSplitImpulse=0,  # with it, a joint thrown 0.04 rad past its limit stays there for ever
+        useSplitImpulse=0,  # with it, a joint thrown 0.04 rad past its limit stays there forever
         deterministicOverlappingPairs=1,
         enableFileCaching=0,  # so that a changed URDF file is read again
         physicsClientId=client,

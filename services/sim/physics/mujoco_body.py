@@ -44,7 +44,7 @@ class PartStates(Protocol):
         """Return pose and velocity of a part's frame in the world."""
 
     def joint_inertias(self, body: str) -> Floats:
-        """Return the inertia about each of the body's joints, in the order of its parts."""
+        """Return the inertia about each rate of the body, the root's six first unless it is fixed."""
 
     def push(self, body: str, part: int, force: Vector, torque: Vector, point: Vector) -> None:
         """Apply a wrench to a part in the next step."""

@@ -64,7 +64,7 @@ class OverlapChecker:
             places: Poses of the world's movable and moving bodies.
 
         Raises:
-            BadInput: It would overlap with something; says with what and by how much.
+            BadInput: It would overlap with something; names what, and by how much.
         """
         pose = configuration.pose
         height = self._height(self._height_maps, *pose.position[:2], places)

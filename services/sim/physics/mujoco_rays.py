@@ -26,7 +26,7 @@ _known: dict[tuple[object, ...], tuple[RobotTree, Floats]] = {}
 
 
 class RayModel:
-    """A copy of the model for rays, in which bodies without shapes that rays hit have no shapes at all.
+    """A copy of the model for ray casting, in which bodies that rays cannot hit have no shapes.
 
     The engine checks every body for every ray, and two thirds of those of a hundred burgers are wheels, which rays
     ignore. With bodies out of reach left out, too, the rays take a third of the time; the hits are the same, bit for

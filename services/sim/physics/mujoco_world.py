@@ -34,7 +34,7 @@ SECOND = 1_000_000_000
 Floats = NDArray[np.float64]
 
 STANDING = 0.7
-"""Minimum vertical part of a contact's normal on a ramp or height map that is not a collision: cos 45 degrees."""
+"""Vertical part of a contact's normal above which standing on a ramp or height map is no collision: cos 45 degrees."""
 _SKY = 1e4
 """m; nothing is farther away."""
 _SMOOTH = 0.1
@@ -42,7 +42,7 @@ _SMOOTH = 0.1
 _LIFT = 0.002
 """m/s; a contact that sliding lifts by less is not solved again."""
 _LEAST_FRICTION: float = mujoco.mjMINMU
-"""With none, the engine lets a contact give way, and what stands on it would sink into the ground."""
+"""Without any friction, the engine lets a contact give way, and a body standing on it sinks into the ground."""
 _AROUND = 12
 """Directions in which the ground around a point is sampled."""
 
@@ -411,7 +411,7 @@ class MujocoWorld:
         return tuple(self._velocity.tolist())
 
     def joint_inertias(self, body: str) -> Floats:
-        """Return the inertia about each joint of a body, in the order of its rates."""
+        """Return the inertia about each rate of a body, the root's six first unless it is fixed."""
         self.refresh()
         model, data = self._model, self._data
         mujoco.mj_comPos(model, data)
@@ -513,7 +513,7 @@ class MujocoWorld:
         self._fresh = False
 
     def _set_contact_friction(self) -> None:
-        """Set the friction of contacts, the product of both sides' in all directions, except for links with a sliding
+        """Set each contact's friction to the product of both sides', in all directions unless a link has a sliding
         axis."""
         scene, contact = self._scene, self._data.contact
         assert scene is not None
@@ -540,8 +540,7 @@ class MujocoWorld:
             contact.friction[index, :2] = friction, SLIDING_SHARE * friction
 
     def _set_contact_motion(self) -> _Sliding | None:
-        """Set the normal accelerations of contacts for this step; return those whose sliding has to be checked
-        afterwards.
+        """Set the normal accelerations of contacts; return those whose sliding has to be checked after solving.
 
         Contacts with depth lose a quarter of it and all of their approach speed; those still apart may close their gap.
         The engine's friction is the convex model, in which a contact that slides with v lifts by mu v. That is
@@ -605,7 +604,7 @@ class MujocoWorld:
         exclude: int = -1,
         far: float = _SKY,
     ) -> None:
-        """Write the distance of rays from one origin, in lengths of ``vectors``; -1 without a hit."""
+        """Cast rays from one origin; write their distances, in lengths of ``vectors``, -1 without a hit."""
         model, data, count = self._seen_by_rays().model, self._data, len(vectors)
         if count == 1:
             distance[0] = mujoco.mj_ray(model, data, origin, vectors[0], SEEN_GROUPS, 1, exclude, hit[:1])

@@ -31,8 +31,7 @@ class Configuration(NamedTuple):
 
 
 class BodyState(NamedTuple):
-    """The state of a body's root frame: position [m], orientation, velocity [m/s] and turn rate [rad/s], all in world
-    axes."""
+    """The state of a body's root frame in world axes: position [m], orientation, velocity [m/s], turn rate [rad/s]."""
 
     position: Vector
     orientation: Rotation
