@@ -1,4 +1,4 @@
-"""What moves a robot, behind one Protocol: the driver of a base, or efforts on its joints."""
+"""Moves a robot, behind one Protocol: by the driver of a base, or by efforts on joints."""
 
 from __future__ import annotations
 

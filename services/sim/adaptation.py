@@ -24,8 +24,7 @@ class AdaptedBody:
 
 
 def adapt_body(body: Body, model: str) -> AdaptedBody:
-    """Raise an imported robot whose root stands higher than its pose, and start joints whose range excludes 0 at a
-    limit.
+    """Raise an imported robot whose root is above its pose, and start joints whose range excludes 0 at a limit.
 
     The models of this project stay unchanged.
     """

@@ -254,8 +254,8 @@ def shake_joints(
 ) -> list[JointTrial]:
     """Move each joint of ``moves`` by its amount [rad or m] and back, each way in ``seconds``, one after the other.
 
-    The speed is half a sine, with a maximum of pi/2 times the mean. The motors, in the order of ``motors``, hold all
-    other joints meanwhile.
+    The speed is half a sine, with a maximum of pi/2 times the mean. In the meantime the motors, in the order of
+    ``motors``, hold all other joints.
     """
     body, found = world.body(name), []
     rest = [0.0] * len(motors)

@@ -100,15 +100,14 @@ class EmergencyStopStore:
         return tuple(each for held in self._stops.values() for each in held.values())
 
     def holders(self, robot: str) -> tuple[str, ...]:
-        """Return who holds a robot, by its own stops or those of all robots; empty if it may move."""
+        """Return the holders of a robot's own stops and of those for all robots; empty if it may move."""
         if not self._stops:
             return ()
         held = (*self._stops.get(robot, {}).values(), *self._stops.get(ALL_ROBOTS, {}).values())
         return tuple(dict.fromkeys(each.holder for each in held))
 
     def process(self, robot: str, topic: str, batch: list[tuple[Any, SampleInfo | None]]) -> bool:
-        """Apply messages from the ``e_stop`` of a robot, or of ALL_ROBOTS; return whether any was a stop, even if reset
-        since.
+        """Apply ``e_stop`` messages of a robot or of ALL_ROBOTS; return whether any was a stop, even if reset since.
 
         Samples already received for a deleted robot of the same name are ignored. As the topic is latched, they arrive
         again while their publisher does not know yet that the robot was deleted.
@@ -134,7 +133,7 @@ class EmergencyStopStore:
         """Release the stops of one holder (by name or id) or of all, on a robot or ALL_ROBOTS.
 
         Returns:
-            A sentence: what was released, and who still holds it.
+            A sentence: what was released, and which holders remain.
 
         Raises:
             BadInput: There is nothing to release.

@@ -110,8 +110,7 @@ class SensorFacts:
 
 @dataclass(frozen=True)
 class TrialFacts:
-    """A manoeuvre or a joint's move: commanded and actual motion (m, rad or degrees), relative ``error``, and the
-    verdict."""
+    """A manoeuvre or joint move: commanded and actual motion (m, rad or deg), relative ``error``, and the verdict."""
 
     name: str
     unit: str

@@ -83,8 +83,7 @@ class AxisParameters(Parameters, frozen=True, kw_only=True):
 
 
 class PidParameters(Parameters, frozen=True, kw_only=True):
-    """Gains of a wheel driven by torque instead of speed, with the semantics of ``pid_gains`` in
-    ``gazebo_ros_control``."""
+    """Gains of a torque-driven wheel, with the semantics of ``pid_gains`` in ``gazebo_ros_control``."""
 
     p: Annotated[float, _gain("Proportional gain, in N m per rad/s.")]
     i: Annotated[float, _gain("Integral gain, in N m per rad.")] = 0.0

@@ -308,8 +308,7 @@ class WorldStatesPublisher:
 
 
 class GazeboStatesPublisher:
-    """Publishes the states of all models and links in world axes, models in the order of spawning, links from the root
-    on.
+    """Publishes the states of all models, in the order of spawning, and of their links, root first, in world axes.
 
     The world's movable and moving bodies follow as models, as in Gazebo.
     """

@@ -135,11 +135,10 @@ class RobotLoader:
 
 
 def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
-    """Return a root pose at which an upright imported robot stands on ``ground`` [m] instead of in it or falling onto
-    it.
+    """Return the root pose, corrected so that an upright imported robot stands on the ``ground`` [m].
 
     The root of a robot of ``models/`` is on the ground; the roots of others often are at the height of their axles, or
-    a few millimetres below their wheels. A pose high above the ground stays as it is.
+    a few millimetres below their wheels. A pose above that height and above the ground stays as it is.
     """
     if not is_made(model) or read_model(model).fixed_base or max(map(abs, pose.rpy[:2])) > UPRIGHT:
         return pose

@@ -30,8 +30,7 @@ Floats = NDArray[np.float64]
 
 
 def laser_ranges(world: World, robots: Sequence[str], laser: LaserConfig, noise: Sequence[Floats | None]) -> Floats:
-    """Return one scan of the same laser on each robot, shape (robots, samples), m; all rays are cast at the same
-    instant.
+    """Return one scan of a laser on each robot, shape (robots, samples), m, all rays at the same instant.
 
     They go counter-clockwise in the link's plane. A ray without an echo up to ``range_max`` gives inf, one that hits
     something nearer than ``range_min`` gives -inf (REP 117). Rays start outside the laser's housing, so they cannot hit
@@ -53,8 +52,10 @@ def laser_ranges(world: World, robots: Sequence[str], laser: LaserConfig, noise:
 
 
 def laser_scan(laser: LaserConfig, ranges: Floats, header: Header) -> LaserScan:
-    """Return a scan as a message, from ``ranges`` [m], shape (samples,); intensities are 0, as in Gazebo without
-    reflectors."""
+    """Return a scan as a message, from ``ranges`` [m], shape (samples,).
+
+    Intensities are 0, as in Gazebo without reflectors.
+    """
     return LaserScan(
         header=header,
         angle_min=laser.angle_min,
@@ -260,11 +261,10 @@ def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: Floats | None
 
 
 def sonar_cloud(ring: SonarRing, ranges: Floats, header: Header) -> PointCloud:
-    """Return the echoes as points, in the order of the sonars, as RosAria publishes them; the header's frame is the
-    ring's.
+    """Return the echoes as points in the ring's frame, in the order of the sonars, as RosAria publishes them.
 
     Every sonar has a point on its axis: at ``range_max`` without an echo, as in ARIA, and at ``range_min`` for an echo
-    that is too near. The channel ``range`` has the readings themselves.
+    that is too near. The channel ``range`` has the readings themselves. ``header`` must have the ring's frame.
     """
     shown = np.clip(ranges, ring.config.range_min, ring.config.range_max)
     return PointCloud(

@@ -80,7 +80,7 @@ class _Sender:
         self._window_start = 0
         self._candidate: _Candidate | None = None
         self._lower, self._lower_until = 0, 0
-        """The baseline before it rose, and until when it may come back."""
+        """The baseline before it rose, and until when it may be restored."""
 
     def delay(self, number: int, delay: int, now: int) -> float:
         """Return the age [s] of the sample ``number`` that arrived at ``now`` with this delay."""

@@ -63,7 +63,7 @@ class Arbiter:
     def accept(
         self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int, vy: float = 0.0
     ) -> bool:
-        """Accept or refuse a command made at ``stamp_ns`` (None if unknown) that arrived at ``now_ns``; True if
+        """Process a command made at ``stamp_ns`` (None if unknown), received at ``now_ns``; return whether it is
         accepted.
 
         Speeds that are not finite or beyond ``messages.geometry``'s bounds are refused and counted. Commands older than

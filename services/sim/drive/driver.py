@@ -38,8 +38,7 @@ class Drive:
 
     @classmethod
     def of(cls, wheels: WheelConfig, *, clamp: bool = True, jump: float = 0.0) -> Drive:
-        """Return the TurtleBot3's driver: wheels that ramp, axes limited to the hardware's speeds unless ``clamp`` is
-        false."""
+        """Return the TurtleBot3's driver: wheels with a ramp, axes limited to the hardware's speeds if ``clamp``."""
         v, w = (wheels.max_linear, wheels.max_angular) if clamp else (inf, inf)
         return cls(
             WheelGeometry(wheels.separation, wheels.radius, wheels.radius),
@@ -69,8 +68,7 @@ AT_REST = DriveState()
 def step_drive(
     drive: Drive, state: DriveState, v: float, w: float, braking: bool, dt: float, vy: float = 0.0
 ) -> DriveState:
-    """Return the state one step of ``dt`` [s] later under the command ``v`` [m/s], ``w`` [rad/s], ``vy`` [m/s]
-    sideways.
+    """Return the state after ``dt`` [s] under the command ``v`` [m/s], ``w`` [rad/s], ``vy`` [m/s] sideways.
 
     It is ``state`` itself when nothing changes. Each axis is limited separately. ``braking`` replaces the command by
     standstill. Takes 2 us; 6 us with all limits.

@@ -87,8 +87,8 @@ def _limit_acceleration(axis: AxisLimits, wanted: float, last: float, dt: float)
 
 
 def _approach(wanted: float, last: float, up: float, down: float, beyond: float, dt: float) -> float:
-    """Move ``last`` >= 0 toward ``wanted``: at ``up``, at ``down``, and past zero at ``beyond`` for the rest of the
-    step."""
+    """Move ``last`` >= 0 toward ``wanted``: by ``up`` or ``down``, and past zero by ``beyond`` for the rest of
+    ``dt``."""
     if wanted >= last:
         return min(wanted, last + up * dt)
     lowest = last - down * dt
@@ -124,8 +124,7 @@ def ramp_toward(now: float, goal: float, most: float) -> float:
 def ramp_wheels(
     ramp: WheelRamp, left: float, right: float, goals: tuple[float, float], stopping: bool, dt: float
 ) -> tuple[float, float]:
-    """Return the rim speeds, left and right, m/s, one step of ``dt`` [s] later; based on commanded, not measured
-    speeds."""
+    """Return the rim speeds, left and right, m/s, after ``dt`` [s]; based on commanded, not measured speeds."""
     goal_left, goal_right = goals
     most = (ramp.brake if stopping else ramp.acceleration) * dt
     if abs(goal_left - left) < ramp.jump or abs(goal_right - right) < ramp.jump:

@@ -253,8 +253,7 @@ class Odometer:
         self._last_update = now
 
     def due(self, now: int, rate: float) -> bool:
-        """Return whether a message is due at ``now`` [ns] for a rate of ``rate`` [Hz]; to be called at every control
-        tick.
+        """Return whether a message is due at ``now`` [ns] at ``rate`` [Hz]; call it at every control tick.
 
         The average rate is exact, as in ROS, and counts from time 0: at 25 Hz odometry has the same stamps as ground
         truth, whenever the robot was spawned.

@@ -37,8 +37,7 @@ class Steering:
         return math.tan(angle) / self.wheelbase
 
     def goal(self, v: float, w: float, now: float) -> float:
-        """Return the angle [rad] for a command [m/s, rad/s]: ``now`` for no command, the largest for a turn on the
-        spot."""
+        """Return the angle [rad] for a command [m/s, rad/s]: ``now`` for zero, the largest for a turn on the spot."""
         if not v:
             return math.copysign(self.max_angle, w) if w else now
         return max(-self.max_angle, min(self.max_angle, math.atan(self.wheelbase * w / v)))

@@ -513,8 +513,7 @@ class MujocoWorld:
         self._fresh = False
 
     def _set_contact_friction(self) -> None:
-        """Set each contact's friction to the product of both sides', in all directions unless a link has a sliding
-        axis."""
+        """Set each contact's friction to the product of both sides', alike in all directions unless a link slides."""
         scene, contact = self._scene, self._data.contact
         assert scene is not None
         pairs = contact.geom

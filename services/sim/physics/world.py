@@ -224,15 +224,13 @@ class World(Protocol):
         """Return the spawned body with this name."""
 
     def spawn(self, body: Body) -> BodyHandle:
-        """Add a body; refused if its name is taken, or if it would overlap with another body, an obstacle or the
-        ground."""
+        """Add a body; refused for a taken name, or an overlap with another body, an obstacle or the ground."""
 
     def delete(self, name: str) -> None:
         """Delete a body."""
 
     def reset(self) -> None:
-        """Return all spawned bodies to their spawn configuration, at rest, motors at zero, and the world's to that of
-        its file.
+        """Return all bodies to where they were spawned, or where the world's file has them, at rest, motors at zero.
 
         Handles stay valid.
         """
@@ -279,8 +277,7 @@ class World(Protocol):
     def cast_fans(
         self, links: Sequence[tuple[str, str]], mount: Pose3, rays: NDArray[np.float64], near: float, far: float
     ) -> NDArray[np.float64]:
-        """Cast the rays of identical sensors; return distances from each sensor, m, shape (sensors, n); inf beyond
-        ``far``.
+        """Cast the rays of identical sensors; return distances from them, m, shape (sensors, n), inf beyond ``far``.
 
         Args:
             links: The link of each sensor, by the names of its body and itself.
