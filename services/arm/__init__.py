@@ -27,7 +27,7 @@ class ArmParameters(Parameters):
         Meta(description="Control law: 'default' is filtered, bumpless and limits windup; 'tutorial' is the original."),
     ] = "default"
     saturation: float = param(200.0, 0, 1000, "N m", "Largest effort.")
-    windup_guard: float = param(20.0, 0, 10_000, "deg s", "Bound of the summed error in the 'tutorial' law.")
+    windup_guard: float = param(20.0, 0, 10_000, "deg s", "Limit of the summed error in the 'tutorial' law.")
     derivative_filter: float = param(
         0.001, 0, 0.02, "s", "Time constant of the rate filter in the 'default' law; 0 disables it."
     )

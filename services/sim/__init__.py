@@ -12,7 +12,7 @@ _FIXED = {"live": False}
 
 
 class SimParameters(Parameters, frozen=True, kw_only=True):
-    """The world, its robots and how time runs; ``factor`` alone is live."""
+    """The world, its robots and the time mode; only ``factor`` is live."""
 
     world: str = param("empty", text="World: a name from models/worlds, or the path of a world's file.", live=False)
     robots: tuple[RobotEntry, ...] = param((), text="Robots to spawn at the start.")

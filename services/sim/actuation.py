@@ -1,4 +1,4 @@
-"""What moves a robot: the driver of a base, or the efforts on its joints, behind one Protocol."""
+"""Moves a robot, behind one Protocol: by the driver of a base, or by efforts on joints."""
 
 from __future__ import annotations
 
@@ -36,30 +36,30 @@ from services.sim.robot_parameters import BaseParameterSet, JointParameterSet
 from services.sim.transit_delay import TransitDelayEstimator
 
 CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, CMD_VEL.quality, "velocity command with its time")
-"""What a base reads instead of ``CMD_VEL`` when ``use_stamped_vel`` is set."""
+"""The command topic of a base with ``use_stamped_vel``, instead of ``CMD_VEL``."""
 
 
 class Actuation(Protocol):
-    """Moves one robot as commands, parameters and emergency stops say. All times are simulation time, ns."""
+    """Moves one robot according to commands, parameters and emergency stops. All times are simulation time, ns."""
 
     odometer: Odometer
     noise: bool
     """Whether the robot's sensors have noise."""
     command_topic: Topic[Any]
-    """What it is commanded by."""
+    """The topic of its commands."""
     extra_topics: tuple[Topic[Any], ...]
-    """What it publishes beside what every robot does."""
+    """The topics that it publishes beside those of every robot."""
     applies_efforts: bool
-    """Whether ``with_efforts`` says anything else than what is measured."""
+    """Whether ``with_efforts`` returns anything but the measured efforts."""
 
     @property
     def parameters(self) -> ParameterSubscription[Any]:
-        """The values that ``reconfigure`` follows."""
+        """The parameter subscription that ``reconfigure`` applies."""
         ...
 
     @property
     def step_controller(self) -> DiffDriveController | None:
-        """What alone says whether a step changes anything: none does until its ``idle_until``. None where each may."""
+        """The controller, if steps before its ``idle_until`` change nothing; None if every step has to be taken."""
         ...
 
     @property
@@ -69,50 +69,50 @@ class Actuation(Protocol):
 
     @property
     def publishes_odom_tf(self) -> bool:
-        """Whether odometry is a transform on ``/tf``, too."""
+        """Whether odometry is also published on ``/tf``."""
         ...
 
     @property
     def publishes_link_tf(self) -> bool:
-        """Whether the links are transforms on ``/tf``; else they are left to the service ``state``."""
+        """Whether link transforms are published on ``/tf``; otherwise that is left to the service ``state``."""
         ...
 
     @property
     def commanded_velocity(self) -> tuple[float, float]:
-        """The limited command of the base: speed [m/s] and turn rate [rad/s]."""
+        """The base's command after all limits: speed [m/s] and turn rate [rad/s]."""
         ...
 
     @property
     def joint_friction(self) -> Mapping[str, JointFriction]:
-        """The friction that was set on joints; the URDF holds for all others."""
+        """The joint friction set by parameters; for all other joints the URDF's holds."""
         ...
 
     def with_efforts(self, measured: JointReadings) -> JointReadings:
-        """The joints as they are measured, with the efforts that act on them."""
+        """Return the measured joint readings with the efforts that act on the joints."""
         ...
 
     def effort_controller(self, joint: str) -> JointEffortController:
-        """What puts efforts on ``joint``; raises BadInput for a wheel."""
+        """Return the effort controller of ``joint``; raises BadInput for a wheel."""
         ...
 
     def job_count(self, joint: str) -> int:
-        """How many jobs wait or act on a joint."""
+        """Return the number of jobs queued or acting on a joint."""
         ...
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
-        """Put joints at positions [rad or m]; raises BadInput for wheels, an overlap, or beyond a limit."""
+        """Set joint positions [rad or m]; raises BadInput for wheels, an overlap, or a position beyond a limit."""
         ...
 
     def set_drive(self, request: DriveSettings, now: int) -> DriveSettings:
-        """Replace a base's live parameters; returns all of them. Raises BadInput for a robot without a base."""
+        """Change a base's live parameters, and return all of them; raises BadInput for a robot without a base."""
         ...
 
     def apply_commands(self, commands: Subscriber[Any], now: int, lockstep_members: set[bytes], factor: float) -> None:
-        """Take the commands that were admitted at this tick."""
+        """Apply the commands admitted at this tick."""
         ...
 
     def publisher_lost(self, source: bytes, now: int) -> None:
-        """The publisher ``source`` is gone."""
+        """Handle the loss of the publisher ``source``."""
         ...
 
     def stop(self, on: bool) -> None:
@@ -124,21 +124,21 @@ class Actuation(Protocol):
         ...
 
     def reset(self) -> None:
-        """Forget all commands, where the world was reset."""
+        """Discard all commands after a reset of the world."""
         ...
 
     def reconfigure(self, now: int) -> None:
-        """Take the changes of parameters that were admitted at this tick, all of one or none."""
+        """Apply the parameter changes admitted at this tick, each of them as a whole or not at all."""
         ...
 
     def status(
         self, now: int, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...]
     ) -> BaseStatus | None:
-        """What a base obeys and refuses; None without a base."""
+        """Return the status of the base; None without one."""
         ...
 
     def close(self) -> None:
-        """Follow the parameters no more."""
+        """Unsubscribe from the parameters."""
         ...
 
 
@@ -154,7 +154,7 @@ def spawn_actuation(
     delays: TransitDelayEstimator,
     wait: bool,
 ) -> Actuation:
-    """Put the body of a robot into the world, with what moves it; raises BadInput with nothing left behind."""
+    """Spawn the body of a robot with its actuation; raises BadInput, and then leaves nothing behind."""
     if model.has_base:
         base = BaseParameterSet(node, namespace, entry, wait)
         body, grip = _spawn_body(world, entry, model, pose, base, motors=base.config.motors)
@@ -188,7 +188,7 @@ def _spawn_body(
 
 
 class BaseActuation:
-    """A base that obeys velocity commands by its driven wheels, or, if it is holonomic, with its whole body."""
+    """A base that follows velocity commands: by its driven wheels or, if it is holonomic, with its whole body."""
 
     applies_efforts = False
 
@@ -219,7 +219,7 @@ class BaseActuation:
         self._open_loop = config.source == "open loop"
         speed_driven = model.wheels is not None and parameters.config.gains is None
         self._only_speeds = speed_driven and side_grip is None and steering is None and not self._open_loop
-        """Whether nothing but new wheel speeds is to be done in a physics step; so it is for most bases."""
+        """Whether a physics step needs nothing but new wheel speeds, as for most bases."""
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (
             (BASE_STATUS, CMD_VEL_OUT) if parameters.config.publish_cmd else (BASE_STATUS,)
@@ -327,13 +327,13 @@ class BaseActuation:
         self._parameters.close()
 
     def _wheel_speeds(self) -> tuple[float, float]:
-        """How fast the wheels of the left and of the right turn on average, rad/s."""
+        """Return the mean turn rates of the left and the right wheels, rad/s."""
         speeds = dict(zip(self._body.joints, self._body.joint_readings().velocity, strict=True))
         return self.controller.config.of_sides(speeds)
 
 
 class JointActuation:
-    """Joints that take efforts, from a topic and by request; odometry, if any, is the true pose in the world."""
+    """Joints driven by efforts, from a topic and by request; odometry, if any, is the true pose in the world."""
 
     command_topic: Topic[Any] = JOINT_EFFORT
     extra_topics: tuple[Topic[Any], ...] = ()

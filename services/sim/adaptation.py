@@ -1,4 +1,4 @@
-"""A robot from anywhere as the simulation spawns it."""
+"""Adapts the body of an imported robot before it is spawned."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from services.sim.physics.world import Body, BodyHandle
 
 @dataclass(frozen=True)
 class AdaptedBody:
-    """A body to spawn, and how it skids, if it does."""
+    """A body to spawn, and its skid data if it is skid-steered."""
 
     body: Body
     skid: Skid | None = None
 
     def side_grip(self, handle: BodyHandle) -> SideGrip | None:
-        """What keeps the spawned body from sliding sideways; None for one that does not skid."""
+        """Return the sideways grip of the spawned body; None for one that does not skid."""
         return None if self.skid is None else SideGrip(handle, self.skid.middle, self.skid.friction)
 
 
 def adapt_body(body: Body, model: str) -> AdaptedBody:
-    """A robot from outside, lifted out of the ground if its root stands higher than its pose; joints whose limits leave
-    out zero start at the limit. One of this project's own stays as it is."""
+    """Raise an imported robot whose root is above its pose, and start joints whose range excludes 0 at a limit.
+
+    The models of this project stay unchanged.
+    """
     if not is_made(model):
         return AdaptedBody(body)
     facts = read_facts(model)

@@ -1,4 +1,4 @@
-"""The nodes that send commands: publisher ids traced to nodes by their liveliness tokens, with priorities."""
+"""The nodes that publish commands, with their priorities; publisher ids are resolved by liveliness tokens."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from services.runtime.transport.api import Transport
 from services.runtime.transport.wire import MEMBER_BYTES, NODE_BYTES, publisher_id
 
 PRIORITIES = {"teleop": 10, "panel": 10}
-"""By kind of service; everything else commands at 1. A person at the keys, or at a page, wins over a controller."""
+"""By kind of service; all others have priority 1. A person at the keyboard or the panel wins over a controller."""
 
 MAX_NAMES = 1024
-"""Names of nodes that are remembered."""
+"""Maximum number of node names remembered."""
 
 FOREIGN_SOURCE = b"foreign"
-"""The source of commands without our attachment."""
+"""The source of all commands without our attachment."""
 
 
 class CommandSource(NamedTuple):
@@ -31,10 +31,10 @@ UNKNOWN_SOURCE = CommandSource("", 1)
 
 
 class CommandSources:
-    """Follows the publications of the network; ``gone`` gives those whose process left.
+    """Tracks the publishers on the network; ``lost_publishers`` yields those that are gone.
 
-    The kind of service of a node is what the token of this life of it says, for as long as that is there; its tokens
-    come in any order.
+    The kind of service of a node comes from the node token of its current instance, as long as that exists; tokens may
+    arrive in any order.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -45,7 +45,7 @@ class CommandSources:
         self._publisher_tokens = transport.watch(token_pattern("pub"))
 
     def lost_publishers(self) -> Iterator[bytes]:
-        """The publisher ids that disappeared since the last call."""
+        """Process the token events, and yield the ids of publishers lost since the last call."""
         while (event := self._node_tokens.poll()) is not None:
             node = Entity.parse(event.key)
             if node is None:
@@ -67,19 +67,19 @@ class CommandSources:
                 yield source
 
     def publishers_of(self, members: set[bytes]) -> list[bytes]:
-        """The publisher ids of these lives of nodes."""
+        """Return the publisher ids of these node instances."""
         return [source for source in self._publishers if source[:MEMBER_BYTES] in members]
 
     def find(self, source: bytes) -> CommandSource:
-        """The node behind a publisher id."""
+        """Return the node behind a publisher id."""
         if (instance := self._publishers.get(source)) is None:
             return UNKNOWN_SOURCE
         return CommandSource(instance[0], PRIORITIES.get(self._kinds.get(instance, ""), 1))
 
     def node_name(self, node: bytes) -> str:
-        """The name of the node whose publisher ids begin with these NODE_BYTES; empty when no publication was seen.
+        """Return the name of the node whose publisher ids begin with these NODE_BYTES; empty if none was seen.
 
-        It is remembered of those that are gone: what a tool says in passing is heard after its token went.
+        Names are kept after a node has left: a message from a short-lived tool may arrive after its token is gone.
         """
         return self._names.get(node, "")
 

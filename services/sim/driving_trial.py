@@ -1,7 +1,7 @@
-"""Drives a robot in an empty world without a network, and measures how far what it does is from what it was told.
+"""Drives a robot in an empty world without a network, and measures its motion against the command.
 
-The tests of this project's own models and ``elea model check`` use the same mathematics. A robot is driven as the
-simulation drives it: one step of the drive before each physics step.
+The tests of this project's own models and ``elea model check`` use the same mathematics. A robot is driven as in the
+simulation: one step of the drive before each physics step.
 """
 
 from __future__ import annotations
@@ -22,34 +22,37 @@ from services.sim.drive.steering import SteeringServo
 from services.sim.physics.world import BodyState, World
 
 DT = STEP_NS / 1e9
-"""s."""
+"""Time step, s."""
 SETTLE_S = 1.0
-"""In which a robot comes to rest before and after a manoeuvre."""
+"""Time in which a robot comes to rest before and after a manoeuvre, s."""
 SLOWEST = 60.0
-"""s; a manoeuvre takes no longer."""
+"""Maximum duration of a manoeuvre, s."""
 
 
 def yaw_of(state: BodyState) -> float:
-    """The heading of a body, rad."""
+    """Return the heading of a body, rad."""
     x, y, z, w = state.orientation
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def tilt_of(state: BodyState) -> float:
-    """The angle of a body's z axis from the upright, rad."""
+    """Return the angle of a body's z axis from the vertical, rad."""
     x, y, _, _ = state.orientation
     return 2 * math.asin(min(1.0, math.hypot(x, y)))
 
 
 def turned(states: Sequence[BodyState]) -> float:
-    """By how much a body turned from the first state to the last, without bounds, rad."""
+    """Return the angle by which a body turned from the first state to the last, unbounded, rad."""
     return sum(math.remainder(b - a, math.tau) for a, b in pairwise(map(yaw_of, states)))
 
 
 @dataclass
 class DrivenRobot:
-    """A base under constant commands. ``of_wheels`` gives the speeds of its motors from those of the left and of the
-    right; ``side_grip`` is there for one that skids, ``servo`` for one that is steered."""
+    """A base under constant commands.
+
+    ``of_wheels`` converts the speeds of the left and right side to those of its motors; ``side_grip`` is set for a
+    skid-steered base, ``servo`` for one with steered wheels.
+    """
 
     world: World
     name: str
@@ -60,7 +63,7 @@ class DrivenRobot:
     servo: SteeringServo | None = None
 
     def set(self, v: float, w: float, *, vy: float = 0.0, braking: bool = False) -> None:
-        """Command it for the next physics step."""
+        """Apply a command for the next physics step."""
         after = step_drive(self.drive, self.state, v, w, braking, DT, vy)
         if self.drive.holonomic:
             self.state = after
@@ -77,7 +80,7 @@ class DrivenRobot:
 
     @property
     def velocity(self) -> tuple[float, float, float]:
-        """The command after all limits: forwards and sideways [m/s], turning [rad/s]."""
+        """The command after all limits: forward and sideways [m/s], turn rate [rad/s]."""
         if self.drive.holonomic:
             return self.state.v, self.state.vy, self.state.w
         v, w = commanded_velocity(self.drive, self.state)
@@ -87,7 +90,7 @@ class DrivenRobot:
 def drive_robots(
     drivers: Sequence[DrivenRobot], v: float, w: float, seconds: float, *, vy: float = 0.0, braking: bool = False
 ) -> list[BodyState]:
-    """Command all for a time; returns the states of the first after each step."""
+    """Apply a command to all robots for a time; return the states of the first one after each step."""
     states = []
     for _ in range(round(seconds / DT)):
         for each in drivers:
@@ -99,12 +102,12 @@ def drive_robots(
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """What a robot was told to do from rest to rest, and what it did.
+    """The commanded and the actual motion of a robot from rest to rest.
 
-    ``told``, ``did`` and ``counted`` (by its wheel encoders, None without) are along the commanded axis: m, or rad for
-    a turn. ``aside`` [m] is the distance from the line, or from the spot, ``heading`` [rad] the turn that nobody
-    commanded, ``tilt`` [rad] the largest angle from how it stood. ``told`` is less than what was asked for where the
-    robot is too slow for it.
+    ``told`` (commanded), ``did`` (actual) and ``counted`` (by wheel encoders, None without) are along the commanded
+    axis: m, or rad for a turn. ``aside`` [m] is the distance from the line, or from the spot, ``heading`` [rad] the
+    unintended turn, ``tilt`` [rad] the largest change of the tilt since the start. ``told`` is less than the requested
+    amount if the robot is too slow for it.
     """
 
     told: float
@@ -116,12 +119,12 @@ class Manoeuvre:
 
     @property
     def error(self) -> float:
-        """Share by which it did more than it was told."""
+        """Relative error of the motion: (actual - commanded) / commanded."""
         return self.did / self.told - 1 if self.told else 0.0
 
 
 Encoders = Callable[[Mapping[str, float]], tuple[float, float]]
-"""The mean angles of the wheels of the left and of the right, from those of the joints by their names."""
+"""Returns the mean angles of the left and the right wheels, from those of the joints by name."""
 
 
 def drive_straight(robot: DrivenRobot, distance: float, speed: float, encoders: Encoders | None = None) -> Manoeuvre:
@@ -140,14 +143,14 @@ def turn_on_the_spot(robot: DrivenRobot, angle: float, rate: float, encoders: En
 
 
 def drive_circle(robot: DrivenRobot, angle: float, speed: float, rate: float, encoders: Encoders) -> Manoeuvre:
-    """Turn to the left on a circle from rest to rest; ``aside`` is how far it ends from where the command leads."""
+    """Turn to the left on a circle from rest to rest; ``aside`` is the distance from the commanded end."""
     return _manoeuvre(robot, angle, (speed, 0.0, rate), encoders)
 
 
 def _manoeuvre(
     robot: DrivenRobot, amount: float, velocity: tuple[float, float, float], encoders: Encoders | None
 ) -> Manoeuvre:
-    """Command a velocity until the limited command, with the way to a stop, comes to ``amount``."""
+    """Command a velocity until the limited command, including the way to a stop, adds up to ``amount``."""
     axis = max(each for each in range(3) if velocity[each])
     body = robot.world.body(robot.name)
     drive_robots([robot], 0.0, 0.0, SETTLE_S)
@@ -189,7 +192,7 @@ def _manoeuvre(
 
 
 def _way_to_stop(robot: DrivenRobot, axis: int) -> float:
-    """How far the limited command goes on when it is to stop from now on."""
+    """Return how far the limited command continues if it is to stop from now on."""
     state, way = robot.state, 0.0
     for _ in range(round(SLOWEST / DT)):
         after = step_drive(robot.drive, state, 0.0, 0.0, False, DT)
@@ -217,7 +220,7 @@ class _Counter:
             self._state = integrate_encoders(self._state, *self._angles(), DT, self._robot.drive.geometry)
 
     def along(self, axis: int) -> float | None:
-        """What was counted: m ahead, or rad; None sideways or without encoders."""
+        """Return the counted motion: m ahead, or rad; None sideways or without encoders."""
         if self._state is None or axis == 1:
             return None
         pose: Pose2 = self._state.pose
@@ -232,8 +235,8 @@ class _Counter:
 
 @dataclass(frozen=True)
 class JointTrial:
-    """A joint that was told to move there and back, each by ``told`` [rad or m]: how far it came, and how far from
-    where it began it ended."""
+    """A joint commanded to move there and back, each by ``told`` [rad or m]: how far it came, and its final distance
+    from the start."""
 
     joint: str
     told: float
@@ -242,18 +245,17 @@ class JointTrial:
 
     @property
     def error(self) -> float:
-        """Share by which it moved more than told on the way there."""
+        """Relative error of the move there: (actual - commanded) / commanded."""
         return self.did / self.told - 1 if self.told else 0.0
 
 
 def shake_joints(
     world: World, name: str, motors: Sequence[str], moves: Mapping[str, float], seconds: float = 1.0
 ) -> list[JointTrial]:
-    """Move each joint of ``moves`` by so much [rad or m] and back, each way in ``seconds``, one after the other.
+    """Move each joint of ``moves`` by its amount [rad or m] and back, each way in ``seconds``, one after the other.
 
-    The speed is half a sine, whose highest is pi/2 times the mean.
-
-    All joints of ``motors``, in the order of the body's motors, are held by these meanwhile.
+    The speed is half a sine, with a maximum of pi/2 times the mean. In the meantime the motors, in the order of
+    ``motors``, hold all other joints.
     """
     body, found = world.body(name), []
     rest = [0.0] * len(motors)

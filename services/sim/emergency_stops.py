@@ -1,4 +1,4 @@
-"""The emergency stops that hold: by robot and holder, kept through a restart of the simulation."""
+"""The active emergency stops, by robot and holder, kept through a restart of the simulation."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from services.runtime.log import Log
 from services.runtime.transport.wire import NODE_BYTES, SampleInfo
 
 ALL_ROBOTS = ""
-"""In place of a robot's name: the stop of all robots, also of those that are spawned later."""
+"""In place of a robot's name: the stop of all robots, including those spawned later."""
 
 FOREIGN_ID, FOREIGN = "foreign", "(foreign)"
-"""The holder for publishers without an attachment: nothing distinguishes such programs, so all are one holder."""
+"""The holder for publishers without an attachment: they cannot be told apart, so all are one holder."""
 DAMAGED_ID, DAMAGED = "damaged", "(damaged file)"
-"""Holds all robots when the file cannot be read: it may have held any stop."""
+"""Holds all robots if the file cannot be read: it may have contained any stop."""
 OTHERS_ID, OTHERS = "others", "(others)"
-"""One holder in place of all beyond MOST_HOLDERS."""
+"""One holder in place of all beyond MAX_HOLDERS."""
 
 MAX_HOLDERS = 32
 """Maximum number of holders per robot, so that forged ids fill neither memory nor disk."""
 MAX_FILE_BYTES = 1 << 22
-"""Bytes of the file."""
+"""Maximum size of the file, bytes."""
 MAX_DELETED = 1000
-"""Deleted robots of which the last samples are remembered."""
+"""Maximum number of deleted robots whose last samples are remembered."""
 RETRY_S = 1.0
 """Wall time between two attempts to write the file."""
 
 
 class _File(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The file; ``seal`` is the SHA-256 of the stops, so that any damage shows."""
+    """The content of the file; ``seal`` is the SHA-256 of the stops, which reveals any damage."""
 
     version: Literal[1] = 1
     seal: str
@@ -47,17 +47,17 @@ class _File(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class EmergencyStopStore:
-    """The stops that hold, by robot and holder. A holder is a node by its name: it is the same after a restart.
+    """The active stops, by robot and holder. A holder is a node by name, so it stays the same after a restart.
 
-    What ends a stop: false from its holder, ``release``, or ``forget`` when the robot is deleted. That the holder's
-    process ends, or the simulation restarts, does not.
+    A stop ends when its holder publishes false, by ``release``, or by ``remove_robot`` when the robot is deleted. It
+    does not end when the holder's process exits or the simulation restarts.
 
     Args:
-        path: The file that keeps them; None for memory alone.
-        name_of: The name of the node whose publisher ids begin with these bytes; empty while it is not known.
-        log: For stops, releases and errors of the file.
+        path: The file that keeps them; None to keep them in memory only.
+        name_of: Returns the name of the node whose publisher ids begin with these bytes; empty while it is unknown.
+        log: Logs stops, releases and file errors.
         wall: The machine's clock, ns.
-        monotonic: A clock that nobody sets, s.
+        monotonic: A clock that is never set, s.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class EmergencyStopStore:
         self._retry_at = 0.0
 
     def load(self) -> None:
-        """Take up what the file holds; when it is damaged, all robots are stopped."""
+        """Restore the stops from the file; if it is damaged, stop all robots."""
         if self._path is None:
             return
         try:
@@ -96,21 +96,21 @@ class EmergencyStopStore:
 
     @property
     def all(self) -> tuple[EmergencyStop, ...]:
-        """Every stop that holds."""
+        """All active stops."""
         return tuple(each for held in self._stops.values() for each in held.values())
 
     def holders(self, robot: str) -> tuple[str, ...]:
-        """Whose stops hold a robot, its own and those of all robots; empty when it may move."""
+        """Return the holders of a robot's own stops and of those for all robots; empty if it may move."""
         if not self._stops:
             return ()
         held = (*self._stops.get(robot, {}).values(), *self._stops.get(ALL_ROBOTS, {}).values())
         return tuple(dict.fromkeys(each.holder for each in held))
 
     def process(self, robot: str, topic: str, batch: list[tuple[Any, SampleInfo | None]]) -> bool:
-        """Take what came on the ``e_stop`` of a robot, or of ALL; whether any of it was a stop, be it reset by now.
+        """Apply ``e_stop`` messages of a robot or of ALL_ROBOTS; return whether any was a stop, even if reset since.
 
-        What a deleted robot of the same name had heard says nothing of this one. It comes again, as the topic is
-        latched, while its holder does not know yet that the robot was deleted.
+        Samples already received for a deleted robot of the same name are ignored. As the topic is latched, they arrive
+        again while their publisher does not know yet that the robot was deleted.
         """
         any_stop = False
         for message, origin in batch:
@@ -130,8 +130,13 @@ class EmergencyStopStore:
         return any_stop
 
     def release(self, robot: str, holder: str = "") -> str:
-        """Release what one holder (by name or id), or every one, holds of a robot or ALL; what was done, and what is
-        left. Raises BadInput when there is nothing to release.
+        """Release the stops of one holder (by name or id) or of all, on a robot or ALL_ROBOTS.
+
+        Returns:
+            A sentence: what was released, and which holders remain.
+
+        Raises:
+            BadInput: There is nothing to release.
         """
         held = self._stops.get(robot, {})
         if not held:
@@ -150,7 +155,7 @@ class EmergencyStopStore:
         )
 
     def remove_robot(self, robot: str) -> None:
-        """A robot was deleted: its own stops go with it."""
+        """Drop the stops of a deleted robot."""
         if self._stops.pop(robot, None) is not None:
             self._changed = True
         if heard := {**self._heard_by_deleted.pop(robot, {}), **self._heard.pop(robot, {})}:
@@ -159,8 +164,9 @@ class EmergencyStopStore:
                 del self._heard_by_deleted[next(iter(self._heard_by_deleted))]
 
     def save(self) -> bool:
-        """Write what has changed, and try again what could not be written; whether anything has changed since the
-        last call. What it returns may be told as done: it is on the disk, or the log says that it is not.
+        """Write changes, retry failed writes, and return whether anything has changed since the last call.
+
+        What it returns may be reported as done: it is on disk, or the log says that it is not.
         """
         if self._stops:
             self._update_names()
@@ -206,7 +212,7 @@ class EmergencyStopStore:
         return special.get(holder) or self._node_name(bytes.fromhex(holder)) or f"#{holder}"
 
     def _update_names(self) -> None:
-        """The token with a node's name may come after its stop."""
+        """Fill in names of holders whose token came after their stop."""
         for robot, held in self._stops.items():
             for holder, stop in held.items():
                 if stop.holder == f"#{holder}" and (name := self._holder_name(holder)) != stop.holder:
@@ -233,7 +239,7 @@ class EmergencyStopStore:
         kept = path.with_name(f"{path.name}.damaged")
         try:
             kept.unlink(missing_ok=True)
-            # A second name and no move: were it gone and no new one could be written, the next start would stop nobody.
+            # Linked, not moved: if it were gone and no new file could be written, the next start would stop nobody.
             kept.hardlink_to(path)
             where = f"it is kept as {kept}"
         except OSError as trouble:
@@ -256,7 +262,7 @@ def _checksum(stops: tuple[EmergencyStop, ...]) -> str:
 
 
 def _read(path: Path) -> tuple[EmergencyStop, ...]:
-    """The stops in a file; raises OSError, or ValueError when it is damaged."""
+    """Return the stops in a file; raises OSError, or ValueError if it is damaged."""
     with path.open("rb") as file:
         content = file.read(MAX_FILE_BYTES + 1)
     if len(content) > MAX_FILE_BYTES:

@@ -1,4 +1,4 @@
-"""The physics engines by name, which of them this machine has, and the world of the one that is chosen."""
+"""The physics engines by name, which of them are installed, and the factory of their worlds."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ PYBULLET_PACKAGES = "PyBullet has packages for Python 3.11 on x86_64 alone"
 
 @cache
 def has_engine(engine: Engine) -> bool:
-    """Whether an engine's package is installed."""
+    """Return whether an engine's package is installed."""
     return find_spec(engine) is not None
 
 
 def default_engine() -> Engine:
-    """The engine where none is stated: PyBullet, the reference, or what there is instead."""
+    """Return the default engine: PyBullet, the reference, or MuJoCo where that is not installed."""
     return "pybullet" if has_engine("pybullet") else "mujoco"
 
 
 def check_engine(engine: Engine, where: str) -> None:
-    """Raise BadInput when an engine is not installed; ``where`` is the place that asks for it."""
+    """Raise BadInput if an engine is not installed; ``where`` names the setting that asks for it."""
     if has_engine(engine):
         return
     there = [each for each in ENGINES if has_engine(each)]
@@ -41,10 +41,10 @@ def check_engine(engine: Engine, where: str) -> None:
 
 
 def open_world(engine: Engine, description: WorldDescription, step_ns: int) -> AbstractContextManager[World]:
-    """The world of a description in one engine, to be opened by ``with``.
+    """Return the world of a description in one engine, a context manager.
 
     Args:
-        engine: Its name.
+        engine: The engine's name.
         description: Obstacles and ground.
         step_ns: Simulation time of one step, ns.
 

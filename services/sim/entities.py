@@ -1,4 +1,4 @@
-"""Entities by name, as Gazebo scopes them: a model, or a link of one, or the world; and what one sees of another."""
+"""Entities by name, scoped as in Gazebo (models, links, joints and the world), and states relative to one of them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from services.runtime.errors import BadInput, unknown_name
 from services.sim.physics.world import BodyState, World
 
 WORLD_FRAMES = ("", "world", "map", "/map", "/world")
-"""The names of the world as a frame."""
+"""Names of the world as a frame."""
 
 WORLD_STATE = BodyState(IDENTITY.position, IDENTITY.orientation, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-"""The world, seen from itself."""
+"""The world's own state: at the origin, at rest."""
 
 
 class ScopedName(NamedTuple):
@@ -28,7 +28,7 @@ class ScopedName(NamedTuple):
 
 
 def find_link(world: World, name: str) -> ScopedName:
-    """The link that ``name`` means: ``model::link``, ``model/link``, a model's root, or a link that one model only has.
+    """Resolve a link: ``model::link``, ``model/link``, a model (its root), or a link name that only one model has.
 
     Raises BadInput with the alternatives.
     """
@@ -38,7 +38,7 @@ def find_link(world: World, name: str) -> ScopedName:
 
 
 def find_joint(world: World, model: str, name: str) -> ScopedName:
-    """The movable joint ``name`` of ``model``; with an empty model as ``find_link``, of which this is the twin."""
+    """Resolve the movable joint ``name`` of ``model``; with an empty model, like ``find_link``. Raises BadInput."""
     if model:
         if model not in world.names:
             raise unknown_name("model", model, world.names)
@@ -52,7 +52,7 @@ def find_joint(world: World, model: str, name: str) -> ScopedName:
 
 
 def frame_state(world: World, name: str) -> BodyState:
-    """Where the frame ``name`` is in the world and how it moves; raises BadInput."""
+    """Return the pose and velocity of the frame ``name`` in the world; raises BadInput."""
     if name in WORLD_FRAMES:
         return WORLD_STATE
     if name in world.world_bodies:
@@ -62,7 +62,7 @@ def frame_state(world: World, name: str) -> BodyState:
 
 
 def relative_state(frame: BodyState, state: BodyState) -> BodyState:
-    """A state in the axes of a frame; its velocities are the differences, as Gazebo has them."""
+    """Return a state in the axes of a frame; its velocities are differences, as in Gazebo."""
     turn = frame.orientation
     return BodyState(
         rotate_inverse(turn, _difference(state.position, frame.position)),
@@ -73,12 +73,12 @@ def relative_state(frame: BodyState, state: BodyState) -> BodyState:
 
 
 def to_world_pose(frame: BodyState, place: Pose3) -> Pose3:
-    """The pose in the world of what has the pose ``place`` in a frame."""
+    """Convert the pose ``place`` in a frame to a pose in the world."""
     return Pose3(frame.position, frame.orientation) @ place
 
 
 def pose_and_twist(state: BodyState) -> tuple[Pose, Twist]:
-    """A state as messages have it, axes unchanged."""
+    """Convert a state to messages, axes unchanged."""
     (vx, vy, vz), (wx, wy, wz) = state.linear, state.angular
     return (
         Pose3(state.position, state.orientation).to_msg(),

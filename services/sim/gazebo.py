@@ -1,6 +1,6 @@
-"""Gazebo's services and commands under their own names, on top of the simulation's.
+"""Gazebo's services and command topics under their own names, on top of the simulation's.
 
-They answer as Gazebo does: a request that is not carried out has a response with ``success`` false and the reason.
+They respond as Gazebo does: a refused request has a response with ``success`` false and the reason.
 """
 
 from __future__ import annotations
@@ -73,17 +73,17 @@ OWN_MODELS = {
     "p3dx": "p3dx",
     "ppend": "arm",
 }
-"""Robots that come with Elea, by the names that their descriptions have elsewhere: ours are taken in their place."""
+"""Robots that come with Elea, by their names in descriptions made elsewhere; ours are spawned in their place."""
 LOG_PERIOD_S = 1.0
-"""Wall time between two lines about commands that are not carried out."""
+"""Minimum wall time between two log lines about refused commands."""
 _JOINT_TYPES = {"revolute": gz.REVOLUTE, "continuous": gz.CONTINUOUS, "prismatic": gz.PRISMATIC}
 
 
 class TimeServices(Protocol):
-    """The requests that move time, which act between two ticks."""
+    """The requests that move time; they act between two ticks."""
 
     def set_paused(self, paused: bool) -> DeferredReply[SimTime]:
-        """Pause or resume."""
+        """Pause or resume time."""
         ...
 
     def reset(self, time_too: bool) -> DeferredReply[SimTime]:
@@ -97,7 +97,7 @@ def _refusal(response: type[R], error: BaseException) -> R:
 
 
 class GazeboServices:
-    """Serves Gazebo's names, and carries out what its topics command."""
+    """Serves Gazebo's services, and carries out the commands on its topics."""
 
     def __init__(
         self,
@@ -140,7 +140,7 @@ class GazeboServices:
         simulation.after_step.append(self._answer_waiting)
 
     def _serve(self, request: Request[Q, R], handler: Callable[[Q], R | DeferredReply[R]]) -> None:
-        """Serve a request; where its response has room for them, reasons of a refusal are in it."""
+        """Serve a request; if its response has the fields, a refusal is reported in it instead of raised."""
         fields = {each.name for each in msgspec.structs.fields(request.response_type)}
 
         def answer(asked: Q) -> R | DeferredReply[R]:
@@ -158,9 +158,9 @@ class GazeboServices:
     ) -> None:
         """Serve a request for a state.
 
-        In real time, that of a model on which an effort was put since the last step is told after the next: a loop
-        that asks, pushes and asks again would see the same state several times, which it does not in Gazebo, whose
-        steps are shorter than a call.
+        In real time, the state of a model that an effort or wrench was applied to since the last step is returned only
+        after the next step. Otherwise a loop that reads, pushes and reads again would see the same state several times;
+        in Gazebo it does not, as a step there is shorter than a call.
         """
 
         def answer(asked: Q) -> R | DeferredReply[R]:
@@ -174,7 +174,7 @@ class GazeboServices:
         self._serve(request, answer)
 
     def _answer_waiting(self) -> None:
-        """A step was taken."""
+        """Answer the deferred state requests, after a step."""
         if self._pushed:
             self._pushed.clear()
             waiting, self._waiting = self._waiting, []
@@ -182,7 +182,7 @@ class GazeboServices:
                 reply.answer(response)
 
     def _model_of(self, name: str) -> str:
-        """The model that a joint or link belongs to, as far as its name alone says it."""
+        """Return the model that a joint or link belongs to, if its name is unambiguous; else an empty name."""
         model, found, _ = name.rpartition("::")
         if found or name in self._world.names:
             return model or name
@@ -194,7 +194,7 @@ class GazeboServices:
         return part in body.joints or part in body.links
 
     def carry_out(self) -> None:
-        """Carry out the commands of the topics that have come with this tick, the newest for each model and link."""
+        """Carry out the commands received for this tick, the newest for each model and link."""
         models = {each.model_name: each for each, _ in self._model_commands.messages}
         links = {each.link_name: each for each, _ in self._link_commands.messages}
         for subscriber in (self._model_commands, self._link_commands):
@@ -360,7 +360,7 @@ class GazeboServices:
         return reply
 
     def _spawn_request(self, request: gz.SpawnModel) -> tuple[SpawnModel, str]:
-        """The request as the simulation takes it, and remarks."""
+        """Return the request in the simulation's form, and remarks."""
         if not request.model_name:
             raise BadInput("a model that is spawned needs a model_name")
         known = model_name(request.model_xml)
@@ -374,7 +374,7 @@ class GazeboServices:
         elif not request.model_xml.strip():
             raise BadInput(f"{request.model_name}: its model_xml is empty: was the file or parameter found?")
         namespace, prefix = self._place(request, model, urdf)
-        # What the TurtleBots' plugin for Gazebo tells.
+        # What the TurtleBots' plugin for Gazebo publishes.
         exact = (Assignment(name="odometry", value="world"),) if model and read_model(model).drifts else ()
         spawn = SpawnModel(
             name=request.model_name,
@@ -389,9 +389,9 @@ class GazeboServices:
         return spawn, notes
 
     def _place(self, request: gz.SpawnModel, model: str, urdf: str) -> tuple[str, str | None]:
-        """Namespace and frame prefix: those of Gazebo for a robot that drives, as long as nobody has them.
+        """Return namespace and frame prefix: Gazebo's for a robot that drives, if no other robot has them.
 
-        An object without a plugin has topics too; they are in a namespace of its own.
+        An object without a plugin has topics, too; they are in a namespace of its own.
         """
         if request.robot_namespace.strip("/"):
             return request.robot_namespace, None
@@ -459,7 +459,7 @@ class GazeboServices:
         )
 
     def _point_of_link(self, request: gz.ApplyBodyWrench) -> Point:
-        """The point of a link at which a force acts, in the link's own frame."""
+        """Return the point at which a force acts, in the link's own frame."""
         link = find_link(self._world, request.body_name)
         body, point = self._world.body(link.body), request.reference_point
         frame = self._frame(request.reference_frame)
@@ -474,7 +474,7 @@ class GazeboServices:
         return Point(x=x, y=y, z=z)
 
     def _frame(self, name: str) -> str:
-        """A reference frame as the simulation names it; the world for Gazebo's empty one."""
+        """Return the simulation's name of a reference frame; Gazebo's empty name is the world."""
         return "world" if name in WORLD_FRAMES or name == GROUND else name
 
 
@@ -484,14 +484,14 @@ def _joint(name: str) -> JointName:
 
 
 def _pose(pose: Pose) -> Pose3:
-    """A pose, whose orientation is the identity where it is (0, 0, 0, 0), as in Gazebo: ROS 1's default."""
+    """Convert a pose; the orientation (0, 0, 0, 0), ROS 1's default, becomes the identity, as in Gazebo."""
     if pose.orientation == Quaternion(w=0.0):
         return pose_from_msg(msgspec.structs.replace(pose, orientation=Quaternion()))
     return pose_from_msg(pose)
 
 
 def _seconds(nanoseconds: int) -> float:
-    """A duration; -1 for a negative one, which has no end."""
+    """Convert a duration to s; -1 for a negative one, which has no end."""
     return -1.0 if nanoseconds < 0 else nanoseconds / 1e9
 
 

@@ -1,4 +1,4 @@
-"""The simulation's loop: requests that move time, then a tick, again and again, once the fleet is there."""
+"""The simulation's loop: wait for the fleet, then alternate between requests that move time and ticks."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ STEPS_PER_SECOND = 1_000_000_000 // STEP_NS
 
 
 def run(ctx: Context[SimParameters]) -> None:
-    """Simulate until the process is asked to end."""
+    """Simulate until the process is asked to stop."""
     params, node = ctx.params, ctx.node
     try:
         world_description = read_world(params.world, packages=[Path(each) for each in params.model_folders[1:]])
@@ -79,7 +79,7 @@ def run(ctx: Context[SimParameters]) -> None:
 
 
 def start_pose(world: World, entry: RobotEntry) -> Pose3:
-    """Where a robot of the fleet starts: at its x and y, and at its z above the ground that is there."""
+    """Return the start pose of a robot of the fleet: its x, y and yaw, with z measured from the ground there."""
     (x, y, _), orientation = Pose3.planar(entry.x, entry.y, entry.yaw)
     return Pose3((x, y, entry.z + world.ground_height(x, y, read_model(entry.model).radius)), orientation)
 
@@ -106,7 +106,7 @@ def _run_loop(ctx: Context[SimParameters], loop: SimulationLoop) -> None:
 
 
 class _Steps(NamedTuple):
-    """Steps that were asked for while time is paused: the tick they end at, and the reply."""
+    """A pending step request: the tick at which it ends, and its reply."""
 
     goal: int
     reply: DeferredReply[SimTime]
@@ -115,8 +115,8 @@ class _Steps(NamedTuple):
 class SimulationLoop:
     """Advances simulation time tick by tick, and serves the requests that move it: pause, resume, reset and step.
 
-    These act between two ticks alone; they interrupt a tick that still waits for members of lockstep, which goes on
-    with its wait afterwards. All other requests are answered at once, also during that wait.
+    These requests act only between two ticks. They interrupt a tick that is still waiting for lockstep members; its
+    wait continues afterwards. All other requests are answered at once, even during that wait.
     """
 
     def __init__(self, simulation: Simulation, time_mode: TimeMode, node: Node) -> None:
@@ -131,16 +131,19 @@ class SimulationLoop:
 
     @property
     def standing(self) -> bool:
-        """Whether time stands still."""
+        """Whether time stands still: paused, with no steps under way."""
         return self.simulation.paused and self._steps is None
 
     def begin(self) -> None:
-        """Publish the state from which time begins."""
+        """Publish the initial state."""
         self._show_state()
         self._publish()
 
     def tick(self) -> None:
-        """Wait until the tick may be taken, read the inputs, take one physics step and publish what is new."""
+        """Wait until the tick is due, read the inputs, take one physics step and publish.
+
+        Return without a step when a request interrupts the wait.
+        """
         simulation, time_mode = self.simulation, self.time_mode
         if time_mode.due:
             if not time_mode.wait(lambda: bool(self._requests)):
@@ -152,13 +155,14 @@ class SimulationLoop:
             self._end_steps()
 
     def stand(self) -> None:
-        """What is done while time stands still: publish the clock, and read the emergency stops."""
+        """While time stands still: publish the clock and read the emergency stops."""
         self.simulation.publish_clock()
         self.simulation.read_stops(self.time_mode.watermarks)
 
     def process_requests(self) -> None:
-        """Answer what waits; between two ticks, as requests that move time act now. A time that a reset has begun is
-        published from its start.
+        """Answer pending requests between two ticks, including those that move time.
+
+        After a reset of time, publish its initial state.
         """
         epoch = self.simulation.epoch
         if self.simulation.tick % self.simulation.input_steps == 0:
@@ -168,7 +172,7 @@ class SimulationLoop:
             self._publish()
 
     def apply_requests(self) -> None:
-        """Carry out the requests that move time, in the order in which they came."""
+        """Carry out the requests that move time, in order of arrival."""
         while self._requests:
             reply, act = self._requests.popleft()
             reply.answer(act)
@@ -216,7 +220,7 @@ class SimulationLoop:
         return self._steps.reply
 
     def _end_steps(self) -> None:
-        """Answer the request for steps, if there is one: they are taken, or a reset has ended them."""
+        """Answer the pending step request, if any: its steps are taken, or a reset has ended them."""
         steps, self._steps = self._steps, None
         if steps is not None:
             self._node.send_buffer.flush()
@@ -242,18 +246,18 @@ def _time_mode(ctx: Context[SimParameters], simulation: Simulation, status_publi
 
 
 class _StatusPublisher:
-    """Publishes when time began, without which nodes, and how much wall time was lost."""
+    """Publishes whether time has begun, which nodes were absent, and how much wall time was lost."""
 
     def __init__(self, node: Node) -> None:
         self._publisher = node.advertise(SIM_STATUS)
         self._status = SimStatus()
 
     def report_start(self, absent: tuple[str, ...]) -> None:
-        """Time begins, without some nodes."""
+        """Report that time begins, and which nodes are absent."""
         self._publish(msgspec.structs.replace(self._status, begun=True, absent=absent))
 
     def report_lag(self, seconds: float) -> None:
-        """Wall time of ``seconds`` was lost."""
+        """Add one lag of ``seconds`` of wall time."""
         was = self._status
         self._publish(msgspec.structs.replace(was, lags=was.lags + 1, lag=was.lag + seconds))
 
@@ -266,22 +270,22 @@ _EXITED = ("failed", "finished", "stopped")
 """States of a process that does not come back by itself."""
 
 WARN_PERIOD_S = 5.0
-"""Wall time before the first line of the log about who is missing, and between two."""
+"""Wall time before the first warning about absent nodes, and between later ones, s."""
 
 
 def wait_for_fleet(ctx: Context[SimParameters], idle: Callable[[], None]) -> tuple[str, ...]:
-    """Block until every node of the fleet is ready, with its parameters known, as far as they come.
+    """Block until every node of the fleet is ready or given up on.
 
     Args:
         ctx: The simulation's context.
-        idle: Waits for something to happen, a tenth of a second at most.
+        idle: Waits for an event, a tenth of a second at most.
 
     Returns:
-        The nodes without which time begins: those that have ended, or that were not ready ``start_timeout`` after the
-        last other became ready.
+        The nodes without which time begins: those that have exited, or were not ready ``start_timeout`` after the last
+            other node became ready.
 
     Raises:
-        BadInput: one of the absent nodes is required.
+        BadInput: One of the absent nodes is required.
     """
     params, node = ctx.params, ctx.node
     expected = tuple(dict.fromkeys((*params.members, *params.awaits)))

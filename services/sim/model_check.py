@@ -41,32 +41,32 @@ from services.sim.parameters import BaseParameters
 from services.sim.physics.world import Body, Motor, World
 
 STRAIGHT = 0.02
-"""Share by which the way of 1 m may differ, and m that it may lead aside."""
+"""Maximum relative error of driving 1 m, and maximum distance aside, m."""
 TURN = 0.05
-"""Share by which the turn of 360 degrees may differ."""
+"""Maximum relative error of a turn of 360 degrees."""
 SWAY = math.radians(5)
-"""rad; the turn on the way straight ahead."""
+"""rad; maximum turn while driving straight ahead."""
 TILT = math.radians(10)
-"""rad; a robot that tilts by more falls, or hops."""
+"""rad; a robot that tilts by more falls or hops."""
 DRIFT = 0.05
-"""m; how far a robot may wander while it turns on the spot."""
+"""m; maximum distance from the spot after turning on it."""
 JOINT = 0.1
-"""Share by which a joint may miss its commanded position."""
+"""Maximum error of a joint's move, as a share of it."""
 HANGS = 0.003
-"""m; a wheel that is higher above the ground does not touch it."""
+"""m; a wheel higher above the ground does not touch it."""
 SHAKE = 0.3
-"""rad or m; the most that a joint is moved."""
+"""rad or m; the largest move of a joint."""
 SHAKE_SPEED = 1.0
-"""rad/s or m/s; the fastest that it is moved."""
+"""rad/s or m/s; the highest speed of a move."""
 LIFT = 2.0
-"""m, of a robot whose joints are moved while its base is held."""
+"""m; height of a robot's base, held there while its joints are moved."""
 SHAKE_EFFORT = 1000.0
-"""N m or N, of a joint without a limit."""
+"""N m or N, for a joint without an effort limit."""
 
 
 @dataclass(frozen=True)
 class BaseFacts:
-    """A base: lengths in m, speeds in m/s and rad/s. ``shape_radius`` and ``track`` are what the shapes say."""
+    """A base: lengths in m, speeds in m/s and rad/s. ``shape_radius`` and ``track`` are measured on the shapes."""
 
     kind: str
     left_joints: tuple[str, ...] = ()
@@ -85,7 +85,7 @@ class BaseFacts:
 
 @dataclass(frozen=True)
 class JointFacts:
-    """A movable joint, its limits in rad, m, N m, N, and what moves it."""
+    """A movable joint: its limits in rad, m, N m, N, and the role and interfaces by which it is moved."""
 
     name: str
     type: str
@@ -99,7 +99,7 @@ class JointFacts:
 
 @dataclass(frozen=True)
 class SensorFacts:
-    """A sensor: its topic, the link that it sits on, the frame of its messages, and its figures in words."""
+    """A sensor: its topic, its link, the frame of its messages, and its figures as text."""
 
     kind: str
     topic: str
@@ -110,7 +110,7 @@ class SensorFacts:
 
 @dataclass(frozen=True)
 class TrialFacts:
-    """A manoeuvre or a joint's move: what was told and done (m or degrees), ``error`` as a share, and the verdict."""
+    """A manoeuvre or joint move: commanded and actual motion (m, rad or deg), relative ``error``, and the verdict."""
 
     name: str
     unit: str
@@ -124,8 +124,11 @@ class TrialFacts:
 
 @dataclass(frozen=True)
 class ModelCheck:
-    """All that a check found. ``broken`` is what must be mended, ``doubts`` what is unlikely; ``notes`` what was chosen
-    or is simulated otherwise than the file says, ``ignored`` what of it is not understood."""
+    """The result of a check.
+
+    ``broken`` has what must be fixed, ``doubts`` what is unlikely to be right, ``notes`` what was assumed or is
+    simulated differently from the file, ``ignored`` what was not understood.
+    """
 
     name: str
     file: str
@@ -157,7 +160,7 @@ class ModelCheck:
 
 @dataclass(frozen=True)
 class _Robot:
-    """A robot with all that is known of it."""
+    """A robot and everything read about it."""
 
     source: RobotSource
     model: RobotModel
@@ -168,7 +171,7 @@ class _Robot:
 
     @property
     def file(self) -> str:
-        """What its problems are told of."""
+        """The file name shown in messages about its problems."""
         return Path(self.facts.origin or self.source.urdf).name
 
 
@@ -179,8 +182,11 @@ def check_model(
     packages: Sequence[Path] = (),
     xacro_args: Mapping[str, XacroValue] | None = None,
 ) -> ModelCheck:
-    """Check a model by its name, or by its file as ``models.robot_source.resolve_robot`` finds it; raises BadInput for
-    one that cannot be read at all."""
+    """Check a model, given by its name or by a file, see ``models.robot_source.resolve_robot``.
+
+    Raises:
+        BadInput: It cannot be read at all.
+    """
     faults: list[str] = []
     source = resolve_robot(name, base, packages, xacro_args, faults=faults)
     robot = _read(source)
@@ -359,19 +365,19 @@ def _doubts(link: Link, robot: _Robot) -> Iterator[str]:
 
 
 def has_inertial(link: Link) -> bool:
-    """Whether a URDF says anything of a link's inertia."""
+    """Return whether a URDF states any inertia of a link."""
     return link.inertia.mass != 0 or any(link.inertia.tensor)
 
 
 def _gap(name: str, robot: _Robot) -> float:
-    """How high a wheel is above the ground, m."""
+    """Return the height of a wheel's lowest point above the ground, m."""
     joint = next(each for each in robot.description.joints if each.name == name)
     wheel = read_wheel(robot.description, robot.shapes, joint)
     return wheel.place[2] - wheel.radius + robot.facts.height
 
 
 def _with_trials(check: ModelCheck, robot: _Robot) -> ModelCheck:
-    """The check with what the robot does in an empty world."""
+    """Add the results of trials in an empty world."""
     trials: list[TrialFacts] = []
     advice: list[str] = []
     if robot.model.has_base:
@@ -388,7 +394,7 @@ def _body(robot: _Robot, motors: tuple[Motor, ...], fixed: bool = False) -> Adap
 
 
 def driven_robot(world: World, body: AdaptedBody, settings: DriveConfig) -> DrivenRobot:
-    """A robot that is spawned to be driven."""
+    """Spawn a robot, ready to be driven."""
     handle = world.spawn(body.body)
     steering = settings.drive.steering
     return DrivenRobot(
@@ -421,7 +427,7 @@ def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[
             k = 0.7 * steering.curvature(steering.max_angle)
             speed = min(speed, rate / k)
             circle = drive_circle(fresh(), math.tau, speed, speed * k, settings.of_sides)
-            # What turns by so much less ends that share of the way from where it began.
+            # A circle that misses TURN of its angle ends that share of its length from the start.
             yield _turn(circle, "360 deg on a circle", max(DRIFT, TURN * math.tau / k))
             return
         spin = turn_on_the_spot(fresh(), math.tau, rate, encoders)
@@ -456,7 +462,7 @@ def _tilt(done: Manoeuvre) -> str:
 
 
 def _shake(robot: _Robot) -> Iterator[TrialFacts]:
-    """Move what is neither a wheel nor a caster, with the base held."""
+    """Move all joints that are neither wheels nor casters, with the base held."""
     model = robot.model
     driven = {*model.wheels.left_joints, *model.wheels.right_joints} if model.wheels is not None else set()
     chosen = [
@@ -473,7 +479,7 @@ def _shake(robot: _Robot) -> Iterator[TrialFacts]:
     moves = {each.name: move for each in chosen if (move := _move(each))}
     units = {each.name: "m" if each.kind == "prismatic" else "rad" for each in chosen}
     with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
-        # In the air: what it stands on would be in the way.
+        # In the air, so that the ground is not in the way.
         body = _body(robot, motors, fixed=True).body
         world.spawn(replace(body, pose=Pose3((0.0, 0.0, LIFT + robot.facts.height))))
         for trial in shake_joints(world, "robot", [each.joint for each in motors], moves):
@@ -481,7 +487,7 @@ def _shake(robot: _Robot) -> Iterator[TrialFacts]:
 
 
 def _move(joint: Joint) -> float:
-    """How far a joint is moved from where it starts: half the way to its farther limit, within SHAKE."""
+    """Return how far to move a joint from its start: half the way to its farther limit, at most SHAKE."""
     limits, start = joint.limits, joint.limits.clamp(0.0)
     low = -2 * SHAKE if limits.lower is None else limits.lower - start
     high = 2 * SHAKE if limits.upper is None else limits.upper - start

@@ -1,4 +1,4 @@
-"""One instant of the simulation: its time, and the bodies as they are then, each read once."""
+"""A snapshot of the simulation: its time, and the states of bodies and joints, each read once."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from services.sim.physics.world import BodyState, JointReadings, World
 Floats = NDArray[np.float64]
 
 MANY = 0.5
-"""Share of the bodies from which on all are read at once."""
+"""Share of the bodies above which all are read at once."""
 
 
 class Moment:
-    """The world at ``tick``, which is at ``now`` [ns]; it holds until the world changes."""
+    """The world at ``tick``, whose time is ``now`` [ns]; valid until the world changes."""
 
     def __init__(self, world: World, now: int, tick: int) -> None:
         self.now, self.tick = now, tick
         self._world = world
         self._rows: Floats | None = None
-        """Of all bodies, where they are read together."""
+        """States of all bodies, if they were read together."""
         self._places: dict[str, int] = {}
         self._states: dict[str, BodyState] = {}
         self._joint_rows: Floats | None = None
-        """Of all joints, where they are read together."""
+        """Readings of all joints, if they were read together."""
         self._joint_places: dict[str, slice] = {}
         self._joints: dict[str, JointReadings] = {}
 
     @cached_property
     def stamp(self) -> bytes:
-        """The time in the form that message templates need."""
+        """The time, encoded for message templates."""
         return encode_stamp(self.now)
 
     def read_states(self, names: Sequence[str]) -> None:
-        """Read what ``state`` will be asked for."""
+        """Prepare for ``states`` of these bodies: read all at once if there are many."""
         if self._rows is None and len(names) > MANY * len(self._world.names):
             self._rows = self._world.states()
             self._places = {name: place for place, name in enumerate(self._world.names)}
 
     def states(self, names: Sequence[str]) -> Floats:
-        """Pose and velocity of the roots of bodies, shape (n, 13), as ``World.states`` has them."""
+        """Return pose and velocity of the roots of bodies, shape (n, 13), see ``World.states``."""
         self.read_states(names)
         if self._rows is None:
             return np.array([self.state(name).numbers for name in names]).reshape(-1, 13)
@@ -53,12 +53,12 @@ class Moment:
         return self._rows[[self._places[name] for name in names]]
 
     def read_joints(self, names: Sequence[str]) -> None:
-        """Read what ``joints`` will be asked for."""
+        """Prepare for ``joints`` of these bodies: read all at once if there are many."""
         if self._joint_rows is None and len(names) > MANY * len(self._world.names):
             self._joint_rows = self._world.joint_readings()
 
     def joint_rows(self, names: Sequence[str]) -> Floats:
-        """The joints of bodies, one body after another, shape (3, n), as ``World.joint_readings`` has them."""
+        """Return the joints of bodies, one body after another, shape (3, n), see ``World.joint_readings``."""
         self.read_joints(names)
         if self._joint_rows is None:
             return np.concatenate((np.empty((3, 0)), *(np.array(self.joints(name)) for name in names)), axis=1)
@@ -67,7 +67,7 @@ class Moment:
         return np.concatenate((np.empty((3, 0)), *map(self._joint_columns, names)), axis=1)
 
     def state(self, name: str) -> BodyState:
-        """Pose and velocity of the root of a body."""
+        """Return pose and velocity of a body's root."""
         if (state := self._states.get(name)) is None:
             if self._rows is None:
                 state = self._world.body(name).state()
@@ -77,7 +77,7 @@ class Moment:
         return state
 
     def joints(self, name: str) -> JointReadings:
-        """The joints of a body."""
+        """Return the readings of a body's joints."""
         if (readings := self._joints.get(name)) is None:
             if self._joint_rows is None:
                 readings = self._world.body(name).joint_readings()
@@ -87,7 +87,7 @@ class Moment:
         return readings
 
     def _joint_columns(self, name: str) -> Floats:
-        """The joints of a body, where all are read together, shape (3, n)."""
+        """Return a body's columns of the joint readings that were read together, shape (3, n)."""
         assert self._joint_rows is not None
         if not self._joint_places:
             end = 0

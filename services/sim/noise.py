@@ -1,4 +1,4 @@
-"""The noise of sensors, which depends on nothing but run, robot, sensor and tick: a replayed tick gives the same."""
+"""Sensor noise, a function of run, robot, sensor and tick alone, so that a replayed tick gives the same numbers."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 BLOCK = 2880
-"""Numbers that are drawn at once: to seed a generator takes 30 us, as long as to draw these."""
+"""Numbers drawn at once: seeding a generator takes 30 us, as long as drawing these."""
 
 
 def noise_generator(seed: int, robot: str, sensor: str, tick: int) -> np.random.Generator:
-    """The random numbers of one reading."""
+    """Return the random generator of one reading, or of one block of readings."""
     return np.random.default_rng((seed, zlib.crc32(robot.encode()), zlib.crc32(sensor.encode()), tick))
 
 
 class NoiseSource:
-    """The noise of a sensor that is read every ``steps`` ticks, ``count`` numbers each time; drawn in blocks."""
+    """The noise of a sensor read every ``steps`` ticks, ``count`` numbers each time; drawn in blocks."""
 
     def __init__(self, seed: int, robot: str, sensor: str, steps: int, count: int) -> None:
         self._key, self._steps = (seed, robot, sensor), steps
@@ -25,7 +25,7 @@ class NoiseSource:
         self._drawn, self._numbers = -1, np.empty(self._shape)
 
     def at(self, tick: int) -> NDArray[np.float64]:
-        """The normal numbers, of deviation 1, of the reading at ``tick``, shape (count,)."""
+        """Return standard normal numbers for the reading at ``tick``, shape (count,)."""
         block, place = self.place(tick)
         if block != self._drawn:
             self._drawn, self._numbers = block, self.block(block)
@@ -33,9 +33,9 @@ class NoiseSource:
         return numbers
 
     def place(self, tick: int) -> tuple[int, int]:
-        """The block of the reading at ``tick``, and its place there; the same for all sources of one rate and count."""
+        """Return the block of the reading at ``tick`` and its index there; sources of one rate and count agree."""
         return divmod(tick // self._steps, self._shape[0])
 
     def block(self, number: int) -> NDArray[np.float64]:
-        """The numbers of a block, shape (readings, count)."""
+        """Return the numbers of a block, shape (readings, count)."""
         return noise_generator(*self._key, number).standard_normal(self._shape)

@@ -1,4 +1,4 @@
-"""The parameters of a robot: its base and sensors, by the names of ROS's ``diff_drive_controller``, or its joints."""
+"""The parameters of a robot: base and sensors, under the names of ROS's ``diff_drive_controller``, or joints."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from msgspec import Meta
 from services.runtime.parameters.base import Parameters
 
 MAX_RATE = 50.0
-"""Hz; odometry goes out with the control ticks, at most with each."""
+"""Hz; odometry is published at control ticks, so at most once per tick."""
 
 
 _FIXED = {"live": False}
-"""What a robot is built of in the world and on the network when it is spawned."""
+"""Marks what is fixed when a robot is spawned, in the world and on the network."""
 
 
 _SPEED = {"unit": "m/s or rad/s"}
@@ -34,7 +34,7 @@ def _either(text: str) -> Meta:
 
 
 def _share(text: str) -> Meta:
-    """Skid-steered robots are configured with a separation of 1.875 and 2.3 times the measured one."""
+    """A multiplier; the range is wide: skid-steered robots use 1.875 and 2.3 times the measured separation."""
     return Meta(ge=0.1, le=10, description=text)
 
 
@@ -47,12 +47,12 @@ def _gain(text: str) -> Meta:
 
 
 def _name(text: str) -> Meta:
-    """A frame or a namespace, with or without a slash before it."""
+    """A frame or namespace, with or without a leading slash."""
     return Meta(pattern=r"^/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z", max_length=255, description=text, extra=_FIXED)
 
 
 _JERKS = tuple(f"{axis}.{end}_jerk" for axis in ("linear", "angular") for end in ("min", "max"))
-"""An axis that is slowed for the other one cannot keep to a jerk of its own."""
+"""Excluded by ``keep_curvature``: an axis that is slowed for the sake of the other cannot keep its own jerk limit."""
 
 Diagonal = Annotated[
     tuple[Annotated[float, Meta(ge=0, le=1e12)], ...],
@@ -61,10 +61,10 @@ Diagonal = Annotated[
 
 
 class AxisParameters(Parameters, frozen=True, kw_only=True):
-    """The limits of one axis. What is left open is the model's, or no limit; a ``min`` left open is minus its ``max``.
+    """The limits of one axis. An omitted limit is the model's, or none; an omitted ``min`` is minus the ``max``.
 
-    ROS 1 has ``min_acceleration`` for every decrease and ``max_acceleration`` for every increase. ROS 2's four win over
-    them; their signs do not matter.
+    ``min_acceleration`` limits every decrease of speed and ``max_acceleration`` every increase, as in ROS 1. ROS 2's
+    four limits override them; their signs do not matter.
     """
 
     min_velocity: (
@@ -83,12 +83,12 @@ class AxisParameters(Parameters, frozen=True, kw_only=True):
 
 
 class PidParameters(Parameters, frozen=True, kw_only=True):
-    """A wheel driven by torque instead of by speed, with the semantics of ``gazebo_ros_control``'s ``pid_gains``."""
+    """Gains of a torque-driven wheel, with the semantics of ``pid_gains`` in ``gazebo_ros_control``."""
 
     p: Annotated[float, _gain("Proportional gain, in N m per rad/s.")]
     i: Annotated[float, _gain("Integral gain, in N m per rad.")] = 0.0
     d: Annotated[float, _gain("Derivative gain, in N m per rad/s2.")] = 0.0
-    i_clamp: Annotated[float, _gain("Bound of the integral term, in N m; as in ROS, 0 disables the term.")] = 0.0
+    i_clamp: Annotated[float, _gain("Limit of the integral term, in N m; as in ROS, 0 disables the term.")] = 0.0
     i_clamp_min: (
         Annotated[
             float, Meta(ge=-1e6, le=0, description="Lower bound of the integral term, in N m; overrides minus i_clamp.")
@@ -100,10 +100,10 @@ class PidParameters(Parameters, frozen=True, kw_only=True):
 
 
 class BaseParameters(Parameters, frozen=True, kw_only=True):
-    """How one robot's base and sensors behave. None stands for the model's ``[drive]``, or else the default.
+    """The parameters of one robot's base and sensors. None stands for the model's ``[drive]``, or else the default.
 
-    The set of a robot ``a`` is ``/a/base``. All are live but what a robot is built of when it is spawned; a wheel's PID
-    changes its gains live, and is not switched on or off.
+    The set of a robot ``a`` is ``/a/base``. All are live except those that are fixed when the robot is spawned; the
+    gains of a wheel's PID are live, but it cannot be switched on or off.
     """
 
     cmd_vel_timeout: Annotated[
@@ -237,13 +237,13 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
         | None
     ) = None
     enable_odom_tf: Annotated[bool, Meta(description="Publish odometry on /tf.")] | None = None
-    odom_frame_id: Annotated[str, _name("Frame of odometry, behind the frame prefix.")] | None = None
+    odom_frame_id: Annotated[str, _name("Parent frame of odometry, without the frame prefix.")] | None = None
     base_frame_id: (
-        Annotated[str, _name("Frame whose place odometry tells, behind the frame prefix; the root link by default.")]
+        Annotated[str, _name("Child frame of odometry, without the frame prefix; the root link by default.")]
         | None
     ) = None
     controller: (
-        Annotated[str, _name("Namespace, inside the robot's, in which commands and odometry have a second name.")]
+        Annotated[str, _name("Namespace within the robot's in which commands and odometry get second topic names.")]
         | None
     ) = None
     enable_link_tf: (
@@ -261,7 +261,7 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
 
 
 class JointParameters(Parameters, frozen=True, kw_only=True):
-    """How the joints of one model behave. None: as the model's URDF says.
+    """The parameters of one model's joints. None stands for the value in the URDF.
 
     The set of a robot ``a`` is ``/a/joints``. All are live except ``enable_link_tf``.
     """
@@ -299,12 +299,12 @@ Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 
 
 class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A robot and where it is spawned.
+    """A robot and its spawn pose.
 
-    ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
-    to start from, rad or m, 0 where none is stated. Its topics are in ``namespace``, its name when that is empty and
-    the root for ``/``; its frames begin with ``frame_prefix``, its name and a slash when that is None.
-    ``joint_state_rate`` is that of the model if it is 0.
+    ``parameters`` apply to a model with a base, ``joint_parameters`` to one without. ``joints`` are initial positions,
+    rad or m; 0 for joints not listed. Its topics are in ``namespace``: its name if that is empty, the root if it is
+    ``/``. Its frames begin with ``frame_prefix``: its name and a slash if that is None. A ``joint_state_rate`` of 0
+    stands for the model's.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The publishers of each robot's own topics, and of the states of all models, links and bodies of the world."""
+"""The publishers of each robot's topics, and of the states of all models, links and bodies of the world."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ from services.sim.template_groups import GroupEncoder, TemplateGroup
 
 
 class RobotPublishers:
-    """The publications of one robot. What takes time to make is made only while somebody subscribes."""
+    """The publishers of one robot. Costly messages are made only while the topic has subscribers."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class RobotPublishers:
         self._motors, self.joints = motors, world.body(entry.name).joints
         self._frame_prefix = robot_frame_prefix(entry)
         self.odometry_child = odometry_child(model, entry.parameters, self._frame_prefix)
-        """The child frame of odometry, without the prefix."""
+        """The child frame of odometry, without the frame prefix."""
         self._base_frame = self.frame_id(model.base_frame)
         self.joint_state_steps = max(1, steps_of(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
         self.truth_steps = steps_of(model.odometry_rate)
@@ -91,35 +91,38 @@ class RobotPublishers:
         self.joint_template = Template(self._joint_state, 3 * len(self.joints))
         self._command_template = Template(self._command, 2)
         self.joints_read = self.odometry_read = False
-        """Whether anybody reads these; ``update_readers`` says so, too."""
+        """Whether joint states and odometry have subscribers, as of the last ``update_readers``."""
         self.reset()
 
     def close(self) -> None:
-        """Leave the network."""
+        """Close all publishers."""
         self._node.unregister(*(end for each in self._publishers for end in each.ends))
 
     def reset(self) -> None:
-        """Start over from where the body is."""
+        """Restart from where the body is."""
         self.odometer.reset()
         self.odometry: tuple[bytes, OdometrySample] | None = None
-        """The last odometry that was due, and its stamp."""
+        """The stamp and sample of the last odometry that was due."""
 
     def update_readers(self) -> None:
-        """Look again at what is read by anybody."""
+        """Update which topics have subscribers."""
         self.joints_read = bool(self.joints) and self.joint_states.has_subscribers
         self.odometry_read = self.odometry_publisher is not None and self.odometry_publisher.has_subscribers
 
     def frame_id(self, link: str) -> str:
-        """The frame of a link, with the robot's frame prefix."""
+        """Return the frame id of a link, with the robot's frame prefix."""
         return f"{self._frame_prefix}{link}"
 
     @property
     def joints_as_measured(self) -> bool:
-        """Whether its joint states, if somebody reads them, are what is measured, when they are due by their rate."""
+        """Whether the joint states are the plain measurements, published at their own rate."""
         return not (self._motors.commanded or self._actuation.applies_efforts)
 
     def joint_readings(self, moment: Moment) -> tuple[float, ...] | None:
-        """Angles, speeds and efforts of the joints if they are due: to a controller manager always."""
+        """Return positions, velocities and efforts of the joints, one after another; None if they are not due.
+
+        With a controller manager they are due at every tick.
+        """
         motors = self._motors
         if not (motors.commanded or self._joint_states_due(moment)):
             return None
@@ -127,7 +130,7 @@ class RobotPublishers:
         return *position, *velocity, *effort
 
     def publish_joint_states(self, moment: Moment, payload: bytes) -> None:
-        """Publish these readings."""
+        """Publish encoded joint readings, also as feedback if a controller manager commands the joints."""
         if self._joint_states_due(moment):
             self.joint_states.publish_encoded(payload)
         if self._motors.commanded:
@@ -140,7 +143,7 @@ class RobotPublishers:
 
     @property
     def command_read(self) -> bool:
-        """Whether it publishes the limited command, and anybody reads it."""
+        """Whether the limited command is published and has subscribers."""
         return self._commanded is not None and self._commanded.has_subscribers
 
     def publish_command(self, moment: Moment) -> None:
@@ -150,7 +153,7 @@ class RobotPublishers:
         self._commanded.publish_encoded(self._command_template.encode(moment.stamp, velocity))
 
     def sample_odometry(self, moment: Moment) -> OdometrySample | None:
-        """Take odometry, if it is due; None if it is not, or nobody reads it."""
+        """Sample odometry if it is due; return None if it is not, or has no subscribers."""
         if self.odometry_publisher is None or not self.odometer.due(moment.now, self._actuation.odometry_rate):
             return None
         sample = self.odometer.sample(moment)
@@ -158,7 +161,7 @@ class RobotPublishers:
         return sample if self.odometry_read else None
 
     def publish_status(self, status: BaseStatus) -> None:
-        """Publish the state of the base."""
+        """Publish the status of the base."""
         assert self._status is not None
         self._status.publish(status)
 
@@ -178,7 +181,7 @@ class RobotPublishers:
 
     @property
     def odometry_template(self) -> Template[Any]:
-        """That with the covariances that odometry has now."""
+        """The template with the current covariances of odometry."""
         pose, twist, of = self.odometer.pose_covariance, self.odometer.twist_covariance, self._odometry_template_of
         if of is None or of[0] is not pose or of[1] is not twist:
             frame, child = self.frame_id(self._model.odom_frame), self.frame_id(self.odometry_child)
@@ -193,7 +196,7 @@ class RobotPublishers:
 
 
 class _ReadTopics(NamedTuple):
-    """One topic of robots of which somebody reads it, all due every ``steps`` physics steps."""
+    """The same topic of several robots, with subscribers and due every ``steps`` physics steps."""
 
     steps: int
     names: tuple[str, ...]
@@ -201,26 +204,26 @@ class _ReadTopics(NamedTuple):
 
 
 class MotionPublisher:
-    """Publishes how all robots move: what is due at once is computed and encoded at once."""
+    """Publishes the motion of all robots; what is due together is computed and encoded together."""
 
     def __init__(self) -> None:
         self._odometry = GroupEncoder()
         self._joint_encoders: dict[int, GroupEncoder] = {}
-        """By the count of numbers."""
+        """By the number of values in a message."""
         self.update_readers(())
 
     def update_readers(self, robots: Sequence[RobotPublishers]) -> None:
-        """From now on it publishes of these robots; look again at what of them is read by anybody."""
+        """Set the robots, and update which of their topics have subscribers."""
         for each in robots:
             each.update_readers()
         self._robots = robots
         self._commands = [each for each in robots if each.command_read]
         self._placed: dict[int, list[str]] = {}
-        """By the steps between two looks, the robots of which is told where the body is."""
+        """By period in steps, the robots whose body states are published."""
         truths: dict[int, list[RobotPublishers]] = {}
         measured: dict[tuple[int, int], list[RobotPublishers]] = {}
         self._other_joints: list[RobotPublishers] = []
-        """Those whose joint states are more than what is measured."""
+        """Robots whose joint states differ from the plain measurements."""
         for each in robots:
             if each.truth.has_subscribers:
                 truths.setdefault(each.truth_steps, []).append(each)
@@ -248,7 +251,7 @@ class MotionPublisher:
         ]
 
     def publish_joint_states(self, moment: Moment) -> None:
-        """Publish the joints that are due."""
+        """Publish the joint states that are due."""
         for steps, names, topics in self._joint_states:
             if moment.tick % steps == 0:
                 rows = moment.joint_rows(names).reshape(3, len(names), -1)
@@ -268,7 +271,7 @@ class MotionPublisher:
                 each.publish_joint_states(moment, payload)
 
     def publish(self, moment: Moment) -> None:
-        """At a control tick, publish what is due of limited commands, ground truth and odometry."""
+        """At a control tick, publish the limited commands, ground truth and odometry that are due."""
         tick = moment.tick
         moment.read_states([name for steps, names in self._placed.items() if tick % steps == 0 for name in names])
         for each in self._commands:
@@ -287,14 +290,14 @@ class MotionPublisher:
 
 
 class WorldStatesPublisher:
-    """The world's movable and moving bodies, in the order of its file; nothing is advertised where there are none."""
+    """Publishes the world's movable and moving bodies, in the order of its file; without any it advertises nothing."""
 
     def __init__(self, node: Node, world: World) -> None:
         self._world = world
         self._publisher: Publisher[Any] | None = node.advertise(WORLD_STATES) if world.world_bodies else None
 
     def publish(self, now: int, tick: int) -> None:
-        """Publish them if they are due at ``tick``, which is at ``now`` [ns]."""
+        """Publish the states if they are due at ``tick``, whose time is ``now`` [ns]."""
         if self._publisher is None or tick % steps_of(WORLD_STATES.rate) or not self._publisher.has_subscribers:
             return
         names = self._world.world_bodies
@@ -305,7 +308,7 @@ class WorldStatesPublisher:
 
 
 class GazeboStatesPublisher:
-    """Models in the order of their spawning, each with its links from the root on; all in the world's axes.
+    """Publishes the states of all models, in the order of spawning, and of their links, root first, in world axes.
 
     The world's movable and moving bodies follow as models, as in Gazebo.
     """
@@ -318,10 +321,10 @@ class GazeboStatesPublisher:
         self._bodies: list[BodyHandle] = []
         self._body_links: tuple[tuple[str, str], ...] = ()
         self._link_names: tuple[str, ...] = ()
-        """Of the links of these bodies."""
+        """Scoped names of the links of these bodies."""
 
     def publish(self, moment: Moment) -> None:
-        """Publish them as they are now."""
+        """Publish the current states."""
         world = self._world
         if self._models.has_subscribers:
             rows = moment.states(world.names)
@@ -336,7 +339,7 @@ class GazeboStatesPublisher:
             self._links.publish_encoded(self._link_encoder.encode(self._link_names, rows))
 
     def _update_links(self) -> None:
-        """Find all links again, if other bodies are in the world."""
+        """Collect all links again if the bodies of the world have changed."""
         names = self._world.names
         if (bodies := [self._world.body(name) for name in names]) != self._bodies:
             self._bodies = bodies
@@ -347,14 +350,14 @@ class GazeboStatesPublisher:
 
 
 class _StatesEncoder:
-    """Encodes poses and velocities of named things by a template, which is rebuilt when the names change."""
+    """Encodes poses and velocities of named entities by a template, which is rebuilt when the names change."""
 
     def __init__(self, record: type[ModelStates] | type[LinkStates]) -> None:
         self._record = record
         self._names: tuple[str, ...] | None = None
 
     def encode(self, names: tuple[str, ...], states: NDArray[np.float64]) -> bytes:
-        """The record of things of these names, from their states, shape (n, 13)."""
+        """Encode the record for these names and states, shape (n, 13)."""
         if names != self._names:
             self._names = names
             self._template = TemplateGroup([Template(self._message, 13 * len(names), stamped=False)])

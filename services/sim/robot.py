@@ -1,4 +1,4 @@
-"""One robot in the world: its body, what moves it, its inputs and its publishers."""
+"""One robot in the world: its body, actuation, subscribers and publishers."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from services.sim.transit_delay import TransitDelayEstimator
 
 
 class Robot:
-    """A model in the world as ``entry.name``; its topics are in its namespace, its frames begin with its frame prefix.
+    """A model in the world under the name ``entry.name``, with its topics in its namespace and a prefix on its frames.
 
-    In the root namespace it has no ``e_stop`` of its own: the stop of all robots is its stop.
+    In the root namespace it has no ``e_stop`` of its own, since ``/e_stop`` is the stop of all robots.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Robot:
         )
 
     def close(self) -> None:
-        """Leave the world and the network."""
+        """Delete the body from the world, and close all publishers and subscribers."""
         self.actuation.close()
         for each in (*self._command_subscribers, self._motor_subscriber, self.e_stop_subscriber):
             if each is not None:
@@ -80,14 +80,14 @@ class Robot:
         self._world.delete(self.name)
 
     def reset(self) -> None:
-        """Start over where the world has put the body."""
+        """Restart from where the world has put the body."""
         self._contacts = frozenset()
         self.actuation.reset()
         self.motors.reset()
         self.publishers.reset()
 
     def apply_commands(self, now: int, lockstep_members: set[bytes], factor: float) -> None:
-        """Take the commands that were admitted at this tick."""
+        """Apply the commands admitted at this tick."""
         for each in self._command_subscribers:
             if each.messages:
                 self.actuation.apply_commands(each, now, lockstep_members, factor)
@@ -95,13 +95,13 @@ class Robot:
             self.motors.apply_commands(self._motor_subscriber, now, lockstep_members, factor)
 
     def publisher_lost(self, source: bytes, now: int) -> None:
-        """The publisher ``source`` is gone."""
+        """Handle the loss of the publisher ``source``."""
         self.actuation.publisher_lost(source, now)
         self.motors.publisher_lost(source)
 
     @property
     def step_controller(self) -> DiffDriveController | None:
-        """What alone says whether a step changes anything: none does until its ``idle_until``. None where each may."""
+        """The controller, if steps before its ``idle_until`` change nothing; None if every step has to be taken."""
         return None if self.motors.joints else self.actuation.step_controller
 
     def step(self, now: int) -> None:
@@ -111,10 +111,10 @@ class Robot:
             self.motors.step(now)
 
     def stop(self, holders: tuple[str, ...], new_stop: bool = False) -> None:
-        """Stand still while there are ``holders`` of an emergency stop.
+        """Stand still while ``holders`` hold an emergency stop.
 
-        With ``new_stop`` a stop has come since the last call, even if it was reset already: what was commanded before
-        it moves nothing after it.
+        ``new_stop``: a stop has arrived since the last call, even if it is reset already; commands from before it are
+        discarded.
         """
         self._stopped_by = holders
         if new_stop:
@@ -124,19 +124,19 @@ class Robot:
         self.motors.stop(bool(holders))
 
     def update_contacts(self, others: frozenset[str]) -> None:
-        """Note what the body touches; a collision counts once, when it begins."""
+        """Set the names of the bodies it touches; each new contact counts as one collision."""
         self._collisions += len(others - self._contacts)
         self._contacts = others
 
     def publish_status(self, now: int) -> None:
-        """Publish what a base obeys and refuses."""
+        """Publish the status of the base, if there is one."""
         refused, touching = sum(each.refused for each in self._command_subscribers), bool(self._contacts)
         status = self.actuation.status(now, refused, touching, self._collisions, self._stopped_by)
         if status is not None:
             self.publishers.publish_status(status)
 
     def state(self) -> ModelState:
-        """Pose and twist, as requests report them."""
+        """Return the pose and twist, as requests report them."""
         body = self._body.state()
         return ModelState(
             name=self.name, model=display_name(self.entry.model), pose=body_pose(body), twist=body_twist(body)
@@ -144,6 +144,6 @@ class Robot:
 
     @property
     def pose(self) -> Pose3:
-        """Where the root is now."""
+        """The current pose of the root in the world."""
         state = self._body.state()
         return Pose3(state.position, state.orientation)

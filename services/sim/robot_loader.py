@@ -1,7 +1,7 @@
-"""Robots from outside for the simulation: those of its parameters, and those that spawn requests name.
+"""Loads robots from outside: those of the simulation's parameters, and those named in spawn requests.
 
-Reading a robot's meshes takes up to seconds. For a request that is done beside the loop, which goes on meanwhile, and
-spawns the robot when its files are there.
+Reading a robot's meshes takes up to seconds. For a request that is done in a thread, while the loop continues; the
+robot is spawned when its files are read.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ from services.runtime.requests import DeferredReply
 from services.sim.parameters import RobotEntry
 
 MAX_LOADING = 4
-"""Robots that are read at once."""
+"""Maximum number of robots read at once."""
 
 UPRIGHT = 1e-6
-"""rad; what is tilted by more is put where it is said."""
+"""rad; a robot tilted by more is placed exactly where requested."""
 
 Spawn = Callable[[str], ModelState]
-"""Spawns the robot that a model names; raises BadInput."""
+"""Spawns a robot of the given model; raises BadInput."""
 
 
 class RobotLoader:
     """Finds the files of robots for spawn requests.
 
-    A request may name a robot of ``models/``, one that was made on this machine by its user (``RobotSource.model``), a
-    URDF or a folder in one of ``folders``, from the first of which relative paths count, or send a URDF or an SDF as
-    text, whose meshes lie in these folders or in packages of ROS. No xacro of a request is run.
+    A request may name a robot of ``models/``, a robot already imported on this machine by its user
+    (``RobotSource.model``), or a URDF or folder in one of ``folders`` (relative paths start from the first). Or it may
+    contain a URDF or SDF as text, whose meshes are in these folders or in packages of ROS. Xacro from a request is
+    never run.
 
     Args:
         folders: The fleet file's folder, and its packages.
@@ -61,7 +62,12 @@ class RobotLoader:
         self._last: threading.Thread | None = None
 
     def spawn(self, request: SpawnModel, spawn: Spawn) -> ModelState | DeferredReply[ModelState]:
-        """Spawn what is asked for, at once where nothing has to be read; raises BadInput."""
+        """Spawn the requested robot, at once if nothing has to be read.
+
+        Raises:
+            BadInput: It cannot be read or spawned.
+            TryAgain: MAX_LOADING robots are being read already.
+        """
         if request.model in MODELS and not request.urdf:
             return spawn(request.model)
         if (made := find_made(request.model)) is not None:
@@ -85,7 +91,7 @@ class RobotLoader:
         answer_in_loop: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None],
         previous: threading.Thread | None,
     ) -> None:
-        """Runs in a thread of its own; all but reading is the loop's. Robots are there in the order of the requests."""
+        """Read a robot in a thread, and let the loop spawn it; robots are spawned in the order of the requests."""
         model, notes, error = "", tuple[str, ...](), None
         try:
             model, notes = self._load(request)
@@ -111,7 +117,7 @@ class RobotLoader:
         return model
 
     def _load(self, request: SpawnModel) -> tuple[str, tuple[str, ...]]:
-        """The model of the robot, with its files made, and what was not understood; raises BadInput."""
+        """Import the robot; return its model and what was not understood. Raises BadInput."""
         packages = self._folders[1:]
         folders = (*self._folders, *PackagePath().roots())
         if request.urdf:
@@ -129,11 +135,10 @@ class RobotLoader:
 
 
 def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
-    """The pose of a robot's root, raised so far that an upright robot from outside does not reach below ``ground`` [m],
-    or lowered from the ground so far that it does not fall on it.
+    """Return the root pose, corrected so that an upright imported robot stands on the ``ground`` [m].
 
     The root of a robot of ``models/`` is on the ground; the roots of others often are at the height of their axles, or
-    a few millimetres below their wheels.
+    a few millimetres below their wheels. A pose above that height and above the ground stays as it is.
     """
     if not is_made(model) or read_model(model).fixed_base or max(map(abs, pose.rpy[:2])) > UPRIGHT:
         return pose
@@ -143,12 +148,12 @@ def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
 
 
 def _label(model: str) -> str:
-    """The name of a robot whose files may not be here."""
+    """Return the name of a robot whose files may not be on this machine."""
     return model.rpartition("-")[0] if MADE.fullmatch(model) else model
 
 
 def with_own_files(entry: RobotEntry) -> RobotEntry:
-    """A robot of the simulation's own parameters with its files made, if a path names it; raises BadInput."""
+    """Import a robot of the simulation's own parameters, if it is not one of ``models/``; raises BadInput."""
     if entry.model in MODELS:
         return entry
     return msgspec.structs.replace(entry, model=resolve_robot(entry.model, Path.cwd()).model)

@@ -1,4 +1,4 @@
-"""Where a robot's topics and frames lie: its namespace and its frame prefix, and what no two robots may share."""
+"""The namespace, frame prefix and frames of a robot, and checks that no two robots share them."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from services.runtime.errors import BadInput
 from services.sim.parameters import BaseParameters
 
 ROOT_NAMESPACE = "/"
-"""Of a robot whose topics have no prefix, ``/cmd_vel`` and so on."""
+"""The namespace of a robot whose topics have no prefix: ``/cmd_vel`` and so on."""
 
 WORLD_FRAME = "world"
-"""The frame in which all robots stand."""
+"""The common root frame of all robots."""
 
 
 class NamedRobot(Protocol):
-    """A robot as a fleet file, a spawn request or the simulation has it."""
+    """A robot's names, as in a fleet file, a spawn request or the simulation."""
 
     @property
     def name(self) -> str:
-        """What it is called in requests and in the report."""
+        """Its name in requests and in the report."""
         ...
 
     @property
     def model(self) -> str:
-        """What it is."""
+        """Its model."""
         ...
 
     @property
@@ -47,17 +47,17 @@ class NamedRobot(Protocol):
 
 
 def robot_namespace(robot: NamedRobot) -> str:
-    """The absolute namespace of a robot's topics, ``/`` or ``/tb3_0``; raises BadName."""
+    """Return the absolute namespace of a robot's topics, ``/`` or ``/tb3_0``; raises BadName."""
     return absolute_namespace(robot.namespace or robot.name)
 
 
 def robot_frame_prefix(robot: NamedRobot) -> str:
-    """What the frames of a robot begin with: ``tb3_0/`` or nothing."""
+    """Return the prefix of a robot's frames: ``tb3_0/`` or nothing."""
     return f"{robot.name.strip('/')}/" if robot.frame_prefix is None else robot.frame_prefix
 
 
 def robot_frames(robot: NamedRobot) -> frozenset[str]:
-    """All frames of a robot; raises ``models.UnknownModel``."""
+    """Return all frames of a robot; raises ``models.UnknownModel``."""
     return _prefixed(robot, _model_frames(robot.model))
 
 
@@ -72,18 +72,18 @@ def _prefixed(robot: NamedRobot, frames: Iterable[str]) -> frozenset[str]:
 
 
 def robot_links(model: str) -> frozenset[str]:
-    """The root of a model, and all links that hang on it."""
+    """Return the links of a model: its root, and all links connected to it."""
     joints = ((joint.parent, joint.child) for joint in read_joints(model))
     return frozenset((read_model(model).base_frame, *(link for ends in joints for link in ends)))
 
 
 def named_model(model: RobotModel, parameters: BaseParameters, prefix: str) -> RobotModel:
-    """A model whose odometry has the frame and the topics that the parameters state.
+    """Return the model with the odometry frame and the topic names that the parameters state.
 
     Args:
-        model: The robot's.
-        parameters: Of its base.
-        prefix: That of its frames, which a stated one may have already.
+        model: The robot's model.
+        parameters: The parameters of its base.
+        prefix: Its frame prefix, which a stated frame may already have.
     """
     if parameters.odom_frame_id is not None:
         model = replace(model, odom_frame=_bare(parameters.odom_frame_id, prefix))
@@ -95,7 +95,7 @@ def named_model(model: RobotModel, parameters: BaseParameters, prefix: str) -> R
 
 
 def odometry_child(model: RobotModel, parameters: BaseParameters, prefix: str) -> str:
-    """The child frame of odometry, without the prefix."""
+    """Return the child frame of odometry, without the frame prefix."""
     stated = parameters.base_frame_id
     return model.base_frame if stated is None else _bare(stated, prefix)
 
@@ -105,15 +105,17 @@ def _bare(frame: str, prefix: str) -> str:
 
 
 def stands_by_link(robot: NamedRobot) -> bool:
-    """Whether a robot stands in the world by a root link of the world's own name, as arms for Gazebo do."""
+    """Return whether a robot's root link is itself the frame ``world``, as in arms made for Gazebo."""
     model = read_model(robot.model)
     return model.fixed_base and robot_frame_prefix(robot) + model.base_frame == WORLD_FRAME
 
 
 def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
-    """Raise BadInput for illegal names, and for a robot that would share its name, namespace or frames with others.
+    """Check a robot's names, alone and against those of other robots.
 
-    ``models.UnknownModel`` is raised where its model is unknown.
+    Raises:
+        BadInput: A name is illegal, or the robot would share its name, namespace or frames with another.
+        UnknownModel: From ``models``; its model is unknown.
     """
     try:
         validate(robot.name)
@@ -144,7 +146,7 @@ def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
 
 
 def _check_prefix(prefix: str) -> None:
-    """Raise BadName for a prefix with which ``odom`` is not a legal name of a frame."""
+    """Raise BadName for a prefix with which ``odom`` is not a legal frame name."""
     if prefix[:1] in ("/", "~"):
         raise BadName(f"the frame_prefix {prefix[:255]!r} begins with {prefix[0]!r}: a frame has no leading slash")
     validate(f"{prefix}odom")

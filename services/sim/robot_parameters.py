@@ -1,4 +1,4 @@
-"""The parameter set of one robot, ``NAMESPACE/base`` or ``NAMESPACE/joints``, and what is derived from it."""
+"""The parameter set of one robot, ``NAMESPACE/base`` or ``NAMESPACE/joints``, and the configuration derived from it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from services.sim.parameters import BaseParameters, JointParameters, RobotEntry
 
 
 class Derived(Protocol):
-    """What follows from parameters; ``warnings`` name values that are probably mistakes."""
+    """A configuration derived from parameters; ``warnings`` name values that are probably mistakes."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -42,10 +42,17 @@ D = TypeVar("D", bound=Derived)
 
 
 class RobotParameterSet(Generic[P, D]):
-    """``made`` follows from the current parameters; its users fetch it again when ``follow`` says so.
+    """``derived`` is computed from the current parameters; re-read it whenever ``update`` returns True.
 
-    ``given`` is what the fleet, or who spawned the robot, states; ``own`` is that completed by the model's figures,
-    ``described`` has the figures alone as defaults. ``make`` raises BadInput for what contradicts itself.
+    Args:
+        node: The simulation's node.
+        robot: The robot's name, for warnings.
+        name: The name of the set.
+        given: The values stated by the fleet, or by the spawn request.
+        own: ``given`` completed by the model's values.
+        described: Descriptions with the model's values as defaults.
+        make: Derives the configuration; raises BadInput for contradictory values.
+        wait: Wait for the values of the parameter service.
     """
 
     def __init__(
@@ -78,15 +85,15 @@ class RobotParameterSet(Generic[P, D]):
 
     @property
     def params(self) -> P:
-        """What ``made`` is of."""
+        """The parameters that ``derived`` is computed from."""
         return self._params
 
     def close(self) -> None:
-        """Follow the set no more."""
+        """Unsubscribe from the set."""
         self.subscription.close()
 
     def update(self) -> bool:
-        """Take what was admitted; whether anything is another now."""
+        """Apply the admitted changes; return whether there were any."""
         self.subscription.refresh()
         if self.subscription.params is self._params:
             return False
@@ -101,7 +108,7 @@ class RobotParameterSet(Generic[P, D]):
 
 
 class BaseParameterSet:
-    """``settings`` follow from the current parameters; their users fetch them again after a change."""
+    """The parameters of a base. ``config`` is derived from them; re-read it whenever ``update`` returns True."""
 
     def __init__(self, node: Node, namespace: str, entry: RobotEntry, wait: bool) -> None:
         own = _robot_config(entry)
@@ -116,29 +123,29 @@ class BaseParameterSet:
 
     @property
     def config(self) -> DriveConfig:
-        """What the base is driven by."""
+        """The drive configuration."""
         return self._set.derived
 
     @property
     def parameters(self) -> BaseParameters:
-        """What the settings are made of."""
+        """The parameters that ``config`` is derived from."""
         return with_model_defaults(self._model, self._set.params)
 
     @property
     def subscription(self) -> ParameterSubscription[Any]:
-        """Where changes come from."""
+        """The source of changes."""
         return self._set.subscription
 
     def close(self) -> None:
-        """Follow the set no more."""
+        """Unsubscribe from the set."""
         self._set.close()
 
     def update(self) -> bool:
-        """Take what was admitted; whether the settings are others now."""
+        """Apply the admitted changes; return whether there were any."""
         return self._set.update()
 
     def set_drive(self, request: DriveSettings) -> None:
-        """Set what is asked, for this run; raises BadInput or CallFailed with nothing changed."""
+        """Set the requested values for this run; raises BadInput or CallFailed, and then changes nothing."""
         changes: dict[str, Any] = {
             name: value for name, value in msgspec.structs.asdict(request).items() if value is not None
         }
@@ -146,16 +153,16 @@ class BaseParameterSet:
         sides = "left_wheel_radius_multiplier", "right_wheel_radius_multiplier"
         both = self._set.params.wheel_radius_multiplier
         if both is not None and any(side in changes for side in sides):
-            # It wins over those of the sides, of which one is to change now.
+            # It overrides the multipliers of the sides, one of which is to change now.
             changes = {"wheel_radius_multiplier": None, **dict.fromkeys(sides, both), **changes}
         self._set.subscription.change(changes)
 
     def drive_settings(self) -> DriveSettings:
-        """All that ``change`` can change."""
+        """Return all values that ``set_drive`` can change."""
         return DriveSettings(name=self.name, **asdict(self.config.live))
 
     def _described(self, one: ParameterDescription, own: BaseParameters) -> ParameterDescription:
-        """What cannot change of this very robot is for the fleet to say, so that nobody is told of success in vain."""
+        """Mark parameters that this robot cannot change at run time as not live, so that setting them is refused."""
         if (one.name.startswith("wheel_pid.") and not self._torque_driven) or (
             one.name == "brake_angular" and own.ramp != "base"
         ):
@@ -176,7 +183,7 @@ def _robot_config(entry: RobotEntry) -> RobotConfig:
 
 
 class JointParameterSet:
-    """``terms`` follow from the current parameters; their users fetch them again after a change."""
+    """The parameters of joints. ``config`` is derived from them; re-read it whenever ``update`` returns True."""
 
     def __init__(self, node: Node, namespace: str, entry: RobotEntry, wait: bool) -> None:
         model, given = entry.model, entry.joint_parameters
@@ -193,23 +200,23 @@ class JointParameterSet:
 
     @property
     def config(self) -> JointConfig:
-        """How the joints take efforts, and what they resist."""
+        """The effort rule, and the friction of the joints."""
         return self._set.derived
 
     @property
     def noise(self) -> bool:
-        """Whether sensors have any."""
+        """Whether sensors have noise."""
         return self._set.params.noise
 
     @property
     def subscription(self) -> ParameterSubscription[Any]:
-        """Where changes come from."""
+        """The source of changes."""
         return self._set.subscription
 
     def close(self) -> None:
-        """Follow the set no more."""
+        """Unsubscribe from the set."""
         self._set.close()
 
     def update(self) -> bool:
-        """Take what was admitted; whether the terms are others now."""
+        """Apply the admitted changes; return whether there were any."""
         return self._set.update()

@@ -1,4 +1,4 @@
-"""The topics of a robot: their names, and publishers that publish under all of these."""
+"""The topics of a robot: their names, and publishers that publish under several names."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from services.sim.template_groups import TemplateGroup
 
 
 def topic_names(topic: Topic[Any], model: RobotModel, namespace: str) -> list[str]:
-    """What a topic of a robot is called: by its name here, and by the one that the robot's tags give it.
+    """Return the names of a robot's topic: ours, and the one from the tags of its URDF, if any.
 
-    The second one is relative to the robot's namespace, also where the tag begins it with a slash or with the
-    namespace itself: tags are written for the one robot of a network.
+    The second is relative to the robot's namespace even if the tag begins it with a slash or with that namespace: tags
+    are written as if there were only one robot.
     """
     names = [join(namespace, topic.name)]
     if other := model.topics.get(topic.name):
@@ -42,14 +42,14 @@ class RobotPublisher:
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody reads any of them."""
+        """Whether any of its names has subscribers."""
         for each in self.ends:  # noqa: SIM110 - asked at each tick, and a generator takes four times as long
             if each.announced or each.has_subscribers:
                 return True
         return False
 
     def publish(self, message: Message) -> None:
-        """Publish under all names; raises TypeError when it is not the topic's record."""
+        """Publish under all names; raises TypeError if it is not the topic's record."""
         if type(message) is not self.record:
             raise TypeError(f"{self.ends[0].name} carries {self.record.__name__}, not {type(message).__name__}")
         self.publish_encoded(encode(message))
@@ -61,14 +61,14 @@ class RobotPublisher:
 
 
 class RobotTopicGroup:
-    """One topic of several robots, whose messages are filled and published together."""
+    """The same topic of several robots, whose messages are encoded and published together."""
 
     def __init__(self, publishers: Sequence[RobotPublisher], templates: Sequence[Template[Any]]) -> None:
         self._encoder = TemplateGroup(templates)
         self._ends = [(row, end) for row, each in enumerate(publishers) for end in each.ends]
 
     def publish(self, stamp: bytes, numbers: NDArray[np.float64]) -> None:
-        """Publish what each template makes of its row of ``numbers``."""
+        """Fill each template with its row of ``numbers``, and publish the messages."""
         payloads, now = self._encoder.encode(stamp, numbers), time_ns()
         for row, end in self._ends:
             end.publish_encoded(payloads[row], now)
@@ -76,5 +76,5 @@ class RobotTopicGroup:
 
 @cache
 def steps_of(rate: float) -> int:
-    """Physics steps between two messages of a topic of this rate [Hz]."""
+    """Return the physics steps between two messages of a topic of this rate [Hz]."""
     return round(1e9 / rate / STEP_NS)

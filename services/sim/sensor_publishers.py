@@ -1,4 +1,4 @@
-"""The publishers of the robots' sensors. What takes time to measure is measured only while somebody subscribes."""
+"""The publishers of the robots' sensors. Costly readings are taken only while the topic has subscribers."""
 
 from __future__ import annotations
 
@@ -37,24 +37,25 @@ from services.sim.sensors import (
 Floats = NDArray[np.float64]
 
 SENSOR_STEPS = 2
-"""Physics steps between two looks at the sensors: none is faster than 100 Hz."""
+"""Physics steps between two checks of what is due: no sensor is faster than 100 Hz."""
 
 
 _IMU_ERRORS = 6
-"""Numbers of the noise of an inertial unit: three of the turn rate, three of the force."""
+"""Noise values of an IMU per reading: three of the turn rate, three of the specific force."""
 
 
 class NoiseSwitch(Protocol):
-    """What says whether the sensors of a robot have noise now."""
+    """Whether the sensors of a robot currently have noise."""
 
     noise: bool
 
 
 @dataclass(frozen=True)
 class SensorMount:
-    """What the sensors of one robot share.
+    """The context shared by the sensors of one robot.
 
-    ``publisher`` advertises a topic of the robot, ``frame_id`` gives the id of a frame, ``warn`` logs a warning.
+    ``publisher`` advertises a topic of the robot, ``frame_id`` adds the robot's prefix to a frame, ``warn`` logs a
+    warning.
     """
 
     world: World
@@ -67,7 +68,7 @@ class SensorMount:
     warn: Callable[[str], None]
 
     def noise(self, sensor: str, steps: int, count: int) -> NoiseSource:
-        """The noise of a sensor that is read every ``steps`` physics steps, ``count`` numbers each time."""
+        """Return the noise of a sensor read every ``steps`` physics steps, ``count`` numbers each time."""
         return NoiseSource(self.seed, self.robot, sensor, steps, count)
 
 
@@ -77,12 +78,12 @@ class Sensor(Protocol):
     steps: int
 
     def publish(self, moment: Moment) -> None:
-        """Publish a reading, if anybody reads it."""
+        """Publish a reading, if the topic has subscribers."""
         ...
 
 
 class ImuSensor:
-    """An inertial unit. Units of one kind are read together by ``ImuGroup``."""
+    """An IMU. IMUs of one kind are read together by ``ImuGroup``."""
 
     def __init__(self, mount: SensorMount, unit: ImuConfig) -> None:
         self.steps, self.unit, self.robot = steps_of(unit.rate), unit, mount.robot
@@ -95,7 +96,7 @@ class ImuSensor:
 
 
 class _ImuReadings:
-    """Units that are read together."""
+    """IMUs that are read together."""
 
     def __init__(self, units: Sequence[ImuSensor]) -> None:
         self.units = tuple(units)
@@ -106,7 +107,7 @@ class _ImuReadings:
         self._block, self._numbers = -1, np.empty((0, len(units), _IMU_ERRORS))
 
     def errors(self, tick: int) -> Floats:
-        """The numbers of the noise of each unit, shape (n, 6); zeros for those without noise."""
+        """Return the noise numbers of each IMU, shape (n, 6); zeros for those without noise."""
         block, place = self.units[0].noise.place(tick)
         if block != self._block:
             self._block, self._numbers = block, np.stack([each.noise.block(block) for each in self.units], axis=1)
@@ -116,7 +117,7 @@ class _ImuReadings:
 
 
 class _ImuLook(NamedTuple):
-    """Units that were read together at ``now`` [ns], and the states of their bodies then, shape (n, 13)."""
+    """IMUs that were read together at ``now`` [ns], and the states of their bodies then, shape (n, 13)."""
 
     now: int
     units: tuple[ImuSensor, ...]
@@ -124,7 +125,7 @@ class _ImuLook(NamedTuple):
 
 
 class ImuGroup:
-    """Inertial units of one kind. They measure over the time since the look before: the first one gives nothing."""
+    """IMUs of one kind. They measure over the time since the last reading, so the first one gives nothing."""
 
     def __init__(self, world: World, unit: ImuConfig) -> None:
         self.units: list[ImuSensor] = []
@@ -135,17 +136,17 @@ class ImuGroup:
         self.reset()
 
     def reset(self) -> None:
-        """Start over from where the bodies are."""
+        """Restart from where the bodies are."""
         self._look: _ImuLook | None = None
 
     def update_readers(self) -> None:
-        """Look again at which units are read by anybody."""
+        """Update which IMUs have subscribers."""
         units = tuple(each for each in self.units if each.publisher.has_subscribers)
         if units != self._read.units:
             self._read = _ImuReadings(units)
 
     def publish(self, moment: Moment) -> None:
-        """Publish a reading of each unit that is read by anybody."""
+        """Publish a reading of each IMU that has subscribers."""
         read = self._read
         states = moment.states(read.robots)
         before, self._look = self._look, _ImuLook(moment.now, read.units, states)
@@ -170,7 +171,7 @@ class ImuGroup:
 
 
 class LaserSensor:
-    """A laser. Lasers of one kind that are due together are read in one go by ``publish_scans``."""
+    """A laser. Lasers of one kind that are due together are read together by ``publish_scans``."""
 
     def __init__(self, mount: SensorMount, laser: LaserConfig) -> None:
         self.steps, self.laser, self.robot = steps_of(laser.rate), laser, mount.robot
@@ -178,12 +179,12 @@ class LaserSensor:
         self._mount, self._noise = mount, mount.noise("scan", self.steps, laser.samples)
 
     def noise(self, tick: int) -> Floats | None:
-        """The numbers of the noise at a tick; None without noise."""
+        """Return the noise numbers at a tick; None without noise."""
         return self._noise.at(tick) if self._mount.noise_switch.noise else None
 
 
 def publish_scans(world: World, lasers: Iterable[LaserSensor], moment: Moment) -> None:
-    """Publish a turn of each of the lasers that is read by anybody."""
+    """Publish a scan of each of the lasers that has subscribers."""
     kinds: dict[LaserConfig, list[LaserSensor]] = {}
     for each in lasers:
         if each.publisher.has_subscribers:
@@ -222,7 +223,7 @@ class SonarSensor:
 
 
 class CameraSensor:
-    """A camera, with its calibration beside each picture."""
+    """A camera; its calibration is published beside each image."""
 
     def __init__(self, mount: SensorMount, camera: CameraConfig) -> None:
         self.steps, self._mount, self._camera = steps_of(camera.rate), mount, camera
@@ -249,7 +250,7 @@ AnySensor = Sensor | ImuSensor | LaserSensor
 
 
 def robot_sensors(mount: SensorMount, model: RobotModel) -> list[AnySensor]:
-    """The sensors of a robot."""
+    """Create the sensors of a robot."""
     sensors: list[AnySensor] = []
     if model.imu is not None:
         sensors.append(ImuSensor(mount, model.imu))
@@ -263,7 +264,7 @@ def robot_sensors(mount: SensorMount, model: RobotModel) -> list[AnySensor]:
 
 
 class SensorSchedule:
-    """The sensors of all robots, by how often they are read."""
+    """The sensors of all robots, by their period."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -271,7 +272,7 @@ class SensorSchedule:
         self.replace(())
 
     def replace(self, sensors: Iterable[AnySensor]) -> None:
-        """From now on these are the sensors."""
+        """Replace all sensors."""
         for group in self._imus.values():
             group.units = []
         self._lasers: dict[int, list[LaserSensor]] = {}
@@ -287,17 +288,17 @@ class SensorSchedule:
                 self._others.setdefault(each.steps, []).append(each)
 
     def update_readers(self) -> None:
-        """Look again at who is read by anybody."""
+        """Update which IMUs have subscribers."""
         for group in self._imus.values():
             group.update_readers()
 
     def reset(self) -> None:
-        """Start over from where the bodies are."""
+        """Restart from where the bodies are."""
         for group in self._imus.values():
             group.reset()
 
     def publish(self, moment: Moment) -> None:
-        """Publish what is due at this moment."""
+        """Publish the readings that are due."""
         tick = moment.tick
         if tick % SENSOR_STEPS:
             return

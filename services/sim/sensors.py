@@ -1,4 +1,4 @@
-"""The sensors of a robot as messages: laser scan, IMU, joint states, camera and sonars."""
+"""The readings of a robot's sensors as messages: laser scan, IMU, joint states, camera and sonars."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ Floats = NDArray[np.float64]
 
 
 def laser_ranges(world: World, robots: Sequence[str], laser: LaserConfig, noise: Sequence[Floats | None]) -> Floats:
-    """One turn of the same laser on each robot, shape (robots, samples), m, all rays at the same instant.
+    """Return one scan of a laser on each robot, shape (robots, samples), m, all rays at the same instant.
 
-    They go counter-clockwise in the link's plane. A ray without an echo up to ``range_max`` gives inf, one that meets
-    something nearer than ``range_min`` gives -inf (REP 117). The rays start outside the laser's housing, so that they
-    cannot see it. 360 rays take about 1 ms. ``noise`` has normal numbers for each robot, shape (samples,), or None.
+    They go counter-clockwise in the link's plane. A ray without an echo up to ``range_max`` gives inf, one that hits
+    something nearer than ``range_min`` gives -inf (REP 117). Rays start outside the laser's housing, so they cannot hit
+    it. 360 rays take about 1 ms. ``noise`` has standard normal numbers for each robot, shape (samples,), or None.
     """
     ranges = world.cast_fans(
         [(robot, laser.link) for robot in robots],
@@ -52,7 +52,10 @@ def laser_ranges(world: World, robots: Sequence[str], laser: LaserConfig, noise:
 
 
 def laser_scan(laser: LaserConfig, ranges: Floats, header: Header) -> LaserScan:
-    """A turn of a laser, of ``ranges`` of shape (samples,), m; intensities are 0, as in Gazebo without reflectors."""
+    """Return a scan as a message, from ``ranges`` [m], shape (samples,).
+
+    Intensities are 0, as in Gazebo without reflectors.
+    """
     return LaserScan(
         header=header,
         angle_min=laser.angle_min,
@@ -78,26 +81,26 @@ def _ray_directions(laser: LaserConfig) -> NDArray[np.float64]:
 
 
 ALIGNED = 1 - 1e-9
-"""Cosine of half the angle up to which an inertial unit has the axes of its body."""
+"""Cosine of half the largest angle between the axes of an IMU and its body at which they count as equal."""
 
 
 def imu_readings(unit: ImuConfig, poses: Floats, before: Floats, now: Floats, dt: float, noise: Floats) -> Floats:
-    """What alike inertial units measure over the last ``dt`` [s], each on a body of its own.
+    """Return the readings of IMUs of one kind over the last ``dt`` [s], each on a body of its own.
 
-    The specific force is R^T (dv/dt + g e_z), with dv the change of the unit's own velocity: turning off the centre
-    shows up, and a unit at rest measures +g upward.
+    The specific force is R^T (dv/dt + g e_z), with dv the change of the IMU's own velocity: rotation about another
+    point shows up, and an IMU at rest measures +g upward.
 
     Args:
         unit: Its noise.
-        poses: Where the units are, shape (n, 7).
-        before: The states of the bodies ``dt`` ago, shape (n, 13).
-        now: The states now.
-        dt: How long it took them [s].
-        noise: Normal numbers, shape (n, 6); zeros without noise.
+        poses: Poses of the IMUs, shape (n, 7).
+        before: States of the bodies ``dt`` ago, shape (n, 13).
+        now: Current states of the bodies, shape (n, 13).
+        dt: Time between the two [s].
+        noise: Standard normal numbers, shape (n, 6); zeros without noise.
 
     Returns:
-        Shape (n, 10): the orientation in the world, the turn rate [rad/s] and the specific force [m/s2] in the unit's
-        own axes.
+        Shape (n, 10): the orientation in the world, the turn rate [rad/s] and the specific force [m/s2] in the IMU's
+            own axes.
     """
     pose: Any = poses.T
     old: Any = before.T
@@ -117,14 +120,14 @@ def imu_readings(unit: ImuConfig, poses: Floats, before: Floats, now: Floats, dt
 
 
 def _point_velocity(states: Any, offset: Any) -> Vector:
-    """The world velocity [m/s] of the points ``offset`` [m, body axes] of bodies: v + w x R r; of arrays."""
+    """Return the world velocity [m/s] of points ``offset`` [m, body axes] of bodies, v + w x R r, of arrays."""
     x, y, z = rotate(states[3:7], offset)
     vx, vy, vz, wx, wy, wz = states[7:]
     return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
 
 
 def imu_message(unit: ImuConfig, header: Header, numbers: Sequence[float]) -> Imu:
-    """A reading as a message; ``numbers`` are those of its orientation, rate and force."""
+    """Return a reading as a message; ``numbers`` are its orientation, turn rate and specific force."""
     x, y, z, w, wx, wy, wz, ax, ay, az = numbers
     return Imu(
         header=header,
@@ -137,7 +140,7 @@ def imu_message(unit: ImuConfig, header: Header, numbers: Sequence[float]) -> Im
 
 
 def joint_state(names: Sequence[str], readings: JointReadings, header: Header) -> JointState:
-    """The angles, speeds and torques of a robot's joints."""
+    """Return the angles, speeds and torques of a robot's joints as a message."""
     return JointState(
         header=header,
         name=tuple(names),
@@ -153,11 +156,11 @@ def _isotropic(deviation: float) -> tuple[float, ...]:
 
 
 TO_OPTICAL = Pose3((0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5))
-"""The optical frame (z forward, x right) of what looks along its x axis, as Gazebo's cameras do."""
+"""Rotation to the optical frame (z forward, x right) of a camera that looks along its x axis, as Gazebo's do."""
 
 
 def camera_image(world: World, robot: str, camera: CameraConfig, header: Header) -> Image:
-    """What the robot's camera sees, ``rgb8``; the header's frame should be the camera's optical one."""
+    """Return the image of the robot's camera, ``rgb8``; the header's frame should be the camera's optical frame."""
     lens = CameraModel(camera.width, camera.height, camera.fov, camera.near, camera.far)
     eye = world.body(robot).link_pose(camera.link) @ camera.mount.pose
     pixels = world.render(eye if camera.optical else eye @ TO_OPTICAL, lens)
@@ -172,7 +175,7 @@ def camera_image(world: World, robot: str, camera: CameraConfig, header: Header)
 
 
 def camera_info(camera: CameraConfig, header: Header) -> CameraInfo:
-    """The camera's intrinsics: square pixels, no distortion, the principal point in the middle.
+    """Return the camera's intrinsics: square pixels, no distortion, the principal point in the middle.
 
     The focal length in pixels is f = (width / 2) / tan(fov / 2).
     """
@@ -190,17 +193,17 @@ def camera_info(camera: CameraConfig, header: Header) -> CameraInfo:
 
 
 CONE_CIRCLES = 3
-"""Circles of rays around a cone's axis: 1 + 6 + 12 + 18 = 37 rays. In a cone of 30 degrees they are 5 degrees apart, so
-that what lies between them seems farther by 0.13 %."""
+"""Circles of rays around a cone's axis: 1 + 6 + 12 + 18 = 37 rays. In a cone of 30 degrees they are 5 degrees apart; an
+object between them appears farther by 0.13 %."""
 
 GROUND_MARGIN = 0.001
-"""Rays end this high above the ground, m: it gives no echo, since sound that meets it so flat is reflected away."""
+"""m; rays end this high above the ground, which gives no echo: at such flat angles sound is reflected away."""
 
 
 @dataclass(frozen=True)
 class SonarRing:
-    """The ``n`` sonars of a robot in the frame ``figures.link``: where they are [m] and look, both of shape (n, 3),
-    and the rays of their cones, unit vectors of shape (n, m, 3)."""
+    """The ``n`` sonars of a robot in the frame ``config.link``: positions [m] and axes, both of shape (n, 3), and the
+    rays of their cones, unit vectors of shape (n, m, 3)."""
 
     config: SonarConfig
     positions: Floats
@@ -209,7 +212,7 @@ class SonarRing:
 
 
 def sonar_ring(model: str, figures: SonarConfig) -> SonarRing:
-    """The ring of the robot ``model``, its sonars where the URDF mounts their links on ``figures.link``."""
+    """Return the sonars of the robot ``model``, mounted where its URDF has their links on ``figures.link``."""
     mounts = {joint.child: joint for joint in read_joints(model) if joint.parent == figures.link}
     turns = [np.array(rotated_axes(mounts[link].rotation())).T for link in figures.links]
     return SonarRing(
@@ -221,8 +224,10 @@ def sonar_ring(model: str, figures: SonarConfig) -> SonarRing:
 
 
 def cone_rays(angle: float) -> Floats:
-    """Unit vectors in a cone about the x axis, shape (m, 3): the axis, then ``CONE_CIRCLES`` circles, the last at
-    ``angle / 2`` [rad] from it."""
+    """Return unit vectors in a cone about the x axis, shape (m, 3).
+
+    The axis comes first, then ``CONE_CIRCLES`` circles, the last at ``angle / 2`` [rad] from it.
+    """
     vectors = [(1.0, 0.0, 0.0)]
     for circle in range(1, CONE_CIRCLES + 1):
         off = angle / 2 * circle / CONE_CIRCLES
@@ -233,10 +238,10 @@ def cone_rays(angle: float) -> Floats:
 
 
 def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: Floats | None = None) -> Floats:
-    """How far each sonar's nearest echo is, m, shape (n,); all at the same instant.
+    """Return the range of each sonar's nearest echo, m, shape (n,), all at the same instant.
 
-    inf without an echo up to ``range_max``, -inf for one nearer than ``range_min`` (REP 117). Whatever stands in the
-    cone gives an echo, however oblique. Sixteen sonars take about 2 ms.
+    inf without an echo up to ``range_max``, -inf for one nearer than ``range_min`` (REP 117). Everything in the cone
+    gives an echo, however oblique. Sixteen sonars take about 2 ms.
     """
     figures = ring.config
     eye = world.body(robot).link_pose(figures.link)
@@ -256,10 +261,10 @@ def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: Floats | None
 
 
 def sonar_cloud(ring: SonarRing, ranges: Floats, header: Header) -> PointCloud:
-    """The echoes as points, in the order of the sonars, as RosAria publishes them; the header's frame is the ring's.
+    """Return the echoes as points in the ring's frame, in the order of the sonars, as RosAria publishes them.
 
-    Every sonar has a point on its axis: one that hears nothing at ``range_max``, as ARIA reports it, one whose echo is
-    too near at ``range_min``. The channel ``range`` has the readings themselves.
+    Every sonar has a point on its axis: at ``range_max`` without an echo, as in ARIA, and at ``range_min`` for an echo
+    that is too near. The channel ``range`` has the readings themselves. ``header`` must have the ring's frame.
     """
     shown = np.clip(ranges, ring.config.range_min, ring.config.range_max)
     return PointCloud(
@@ -270,7 +275,7 @@ def sonar_cloud(ring: SonarRing, ranges: Floats, header: Header) -> PointCloud:
 
 
 def range_messages(ring: SonarRing, ranges: Floats, headers: Sequence[Header]) -> list[Range]:
-    """The readings one by one; each sonar's header has its own frame."""
+    """Return the readings as single messages; each sonar's header has its own frame."""
     figures = ring.config
     return [
         Range(

@@ -1,4 +1,4 @@
-"""The services of the simulation that do not move time: models, states and stops; joints and wrenches; properties."""
+"""The simulation's services that do not move time: models, states and stops; joints and wrenches; properties."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ from services.sim.time_modes import TimeMode
 
 
 class SimulationServices:
-    """Requests about models: their spawning, their states and their emergency stops."""
+    """Requests about models: spawning, states and emergency stops."""
 
     def __init__(self, simulation: Simulation, node: Node, loader: RobotLoader | None = None) -> None:
         self._simulation, self._loader = simulation, loader or RobotLoader()
@@ -95,7 +95,7 @@ class SimulationServices:
         node.serve(RELEASE_STOP, lambda request: Done(text=simulation.release_stop(request.name, request.holder)))
 
     def spawn(self, request: SpawnModel) -> ModelState | DeferredReply[ModelState]:
-        """Spawn a model, at once or when its files are read."""
+        """Spawn a model, at once or after its files are read."""
         return self._loader.spawn(request, lambda model: self._spawn(request, model))
 
     def _spawn(self, request: SpawnModel, model: str) -> ModelState:
@@ -126,7 +126,7 @@ class SimulationServices:
         return ModelList(models=tuple(robot.state() for robot in self._simulation.robots))
 
     def get_state(self, request: GetModelState) -> ModelState:
-        """The pose and twist of a model."""
+        """Return the pose and twist of a model."""
         world = self._simulation.world
         if request.name in world.world_bodies:
             return world_body_model_state(world, request.name, request.relative_entity)
@@ -139,7 +139,7 @@ class SimulationServices:
         return ModelState(name=robot.name, model=display_name(robot.entry.model), pose=pose, twist=twist)
 
     def set_state(self, request: SetModelState) -> ModelState:
-        """Move a model."""
+        """Set the pose and twist of a model."""
         world = self._simulation.world
         robot = None if request.name in world.world_bodies else self._simulation.find(request.name)
         if robot is not None and robot.model.fixed_base and request.twist != Twist():
@@ -165,8 +165,10 @@ class SimulationServices:
 
 
 def world_body_model_state(world: World, name: str, relative_entity: str = "") -> ModelState:
-    """The state of a movable or moving body of the world, as that of a robot is told: its twist is in its own axes,
-    unless it is seen from ``relative_entity``."""
+    """Return the state of a movable or moving body of the world, in the form of a robot's.
+
+    Its twist is in its own axes, or in those of ``relative_entity``, if given.
+    """
     state = world.world_body_state(name)
     if not relative_entity:
         return ModelState(name=name, pose=body_pose(state), twist=body_twist(state))
@@ -175,7 +177,7 @@ def world_body_model_state(world: World, name: str, relative_entity: str = "") -
 
 
 def pose_from_msg(pose: Pose) -> Pose3:
-    """A pose for the world; raises BadInput when its quaternion has no direction."""
+    """Convert a pose, normalising its quaternion; raises BadInput if that has no direction."""
     p, q = pose.position, pose.orientation
     norm = (q.x**2 + q.y**2 + q.z**2 + q.w**2) ** 0.5
     if norm < 1e-6:
@@ -184,7 +186,7 @@ def pose_from_msg(pose: Pose) -> Pose3:
 
 
 MAX_FORCE = 1e5
-"""N and N m in each axis; more throws a robot out of the numbers that hold it."""
+"""N and N m in each axis; a larger one throws a robot out of numerical range."""
 
 
 class JointServices:
@@ -213,7 +215,7 @@ class JointServices:
         return Done(text=f"{_count_jobs(self._controller(joint).clear_jobs(joint.name))} of {joint} dropped")
 
     def properties(self, request: JointName) -> JointProperties:
-        """What a joint is and does."""
+        """Return the properties and the state of a joint."""
         joint = find_joint(self._world, request.model, request.joint_name)
         robot = self._simulation.find(joint.body)
         limits = read_joint_limits(robot.entry.model)[joint.name]
@@ -276,7 +278,7 @@ class JointServices:
 
 
 def positions_by_joint(names: Sequence[str], values: Sequence[float]) -> dict[str, float]:
-    """Positions by the names of their joints; raises BadInput when the two do not fit."""
+    """Return positions by joint name; raises BadInput for lists of different lengths or repeated names."""
     if len(names) != len(values):
         raise BadInput(f"{len(names)} joint names and {len(values)} positions: each joint has one")
     if len(set(names)) < len(names):
@@ -316,7 +318,7 @@ class PropertyServices:
         node.serve(WORLD_PROPERTIES, self.world_properties)
 
     def link_state(self, request: LinkName) -> LinkState:
-        """The pose and twist of a link."""
+        """Return the pose and twist of a link."""
         link = find_link(self._world, request.link_name)
         seen = relative_state(
             frame_state(self._world, request.reference_frame), self._world.body(link.body).link_state(link.name)
@@ -327,7 +329,7 @@ class PropertyServices:
         )
 
     def link_properties(self, request: LinkName) -> LinkProperties:
-        """Mass and inertia of a link."""
+        """Return the mass and inertia of a link."""
         link = find_link(self._world, request.link_name)
         found = self._world.body(link.body).inertia(link.name)
         x, y, z = found.moments
@@ -342,7 +344,7 @@ class PropertyServices:
         )
 
     def model_properties(self, request: Name) -> ModelProperties:
-        """The parts of a model."""
+        """Return the links, joints and figures of a model."""
         robot = self._simulation.find(request.name)
         body = self._world.body(robot.name)
         return ModelProperties(
@@ -360,7 +362,7 @@ class PropertyServices:
         )
 
     def world_properties(self, _: Empty) -> WorldProperties:
-        """The world, its physics and its time."""
+        """Return the properties of the world, its physics and its time."""
         simulation, params = self._simulation, self._params
         return WorldProperties(
             world=params.world,

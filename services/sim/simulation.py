@@ -1,4 +1,4 @@
-"""The simulation: the world with its robots and simulation time, stepped and published tick by tick."""
+"""The simulation: the world with its robots, and simulation time, stepped and published tick by tick."""
 
 from __future__ import annotations
 
@@ -39,19 +39,20 @@ from services.sim.tf import MovingTransforms, static_transforms
 from services.sim.transit_delay import TransitDelayEstimator
 
 CONTROL_STEPS = 4
-"""Physics steps between two looks at the commands, and two messages of the clock: 50 Hz. Where joints are told faster,
-these come as often, for who controls them; in lockstep, members are heard whenever they are due."""
+"""Physics steps between two reads of the commands, and between two clock messages: 50 Hz. In real time both happen more
+often where joint states are published faster, for the sake of their controllers (see ``input_steps``); in lockstep,
+inputs are also read whenever a member is due."""
 TF_STEPS = 8
-"""Physics steps between two messages of ``/tf``, and of all states: 25 Hz, as odometry comes."""
+"""Physics steps between two messages on ``/tf``, and of Gazebo's states: 25 Hz, the rate of odometry."""
 STATUS_STEPS = 40
-"""Physics steps between two states of the bases: 5 Hz."""
+"""Physics steps between two status messages of a base: 5 Hz."""
 
 
 class Simulation:
-    """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset.
+    """All bodies, and simulation time: ``tick`` counts physics steps since the last reset of time.
 
-    ``input_steps`` is CONTROL_STEPS, or less where time follows the wall clock and a robot's joints are published
-    faster, and 1 where they are commanded. Emergency stops outlive the process in ``stops_file``, where one is given.
+    ``input_steps`` is CONTROL_STEPS; in real time it is less where the joints of a robot without a base are published
+    faster, and 1 where joints are commanded. Emergency stops survive the process in ``stops_file``, if one is given.
     """
 
     def __init__(
@@ -61,15 +62,15 @@ class Simulation:
         self._node, self._seed, self._real_time = node, seed, real_time
         self._robots: dict[str, tuple[Robot, Pose3]] = {}
         self.robots: list[Robot] = []
-        """All robots, in the order of their spawning; another list when one comes or goes."""
+        """All robots, in the order of their spawning; replaced by a new list when one is added or deleted."""
         self._contacts: tuple[Contact, ...] | None = None
-        """Of which the robots know; None where they are to be told again."""
+        """The contacts that the robots were last updated with; None forces an update."""
         self.wrenches = LinkWrenches(world, node.log)
         self._command_sources, self._delays = CommandSources(node.transport), TransitDelayEstimator()
         self._lost_publishers: list[bytes] = []
         self.subscriptions = SubscriptionTokens(node.transport)
         self._readers_version: tuple[int, ...] | None = None
-        """Of the readers of all topics, as they were found last; None to look again."""
+        """Version of the subscriptions at the last update; None forces an update."""
         self._clock_publisher: Publisher[Any] = node.advertise(CLOCK)
         self._tf_publisher: Publisher[Any] = node.advertise(TF)
         self._tf_static_publisher: Publisher[Any] = node.advertise(TF_STATIC)
@@ -82,21 +83,21 @@ class Simulation:
         self.stops.save()
         self._publish_stops()
         self.commands: list[Callable[[], None]] = []
-        """What is done with the messages of each look at the inputs, before the robots' own commands."""
+        """Callbacks that process received messages at each read of the inputs, before the robots' own commands."""
         self.after_step: list[Callable[[], None]] = []
-        """What is done when a physics step has been taken."""
+        """Callbacks after each physics step."""
         self.input_steps = CONTROL_STEPS
         self._commanded_robots = 0
         self._sensors = SensorSchedule(world)
         self._counting: dict[str, Odometer] = {}
-        """Those that count the turns of wheels, by their robots."""
+        """The odometers that follow wheel encoders, by robot."""
         self._parameters: list[tuple[ParameterSubscription[Any], Robot]] = []
         self._transforms = MovingTransforms()
         self._motion = MotionPublisher()
         self._controllers: list[tuple[DiffDriveController, Robot]] = []
-        """Of the robots that most steps change nothing of."""
+        """Robots that need no step until their controller's ``idle_until``."""
         self._stepping: list[Robot] = []
-        """All others."""
+        """All other robots."""
 
     @property
     def now(self) -> int:
@@ -105,22 +106,24 @@ class Simulation:
 
     @property
     def steps_by_the_clock(self) -> bool:
-        """Whether the next step comes by itself: in real time that has begun, unless it is paused."""
+        """Whether the next step follows by itself: in real time, once time has begun, unless it is paused."""
         return self._real_time and self.tick > 0 and not self.paused
 
     def find(self, name: str) -> Robot:
-        """The robot of a name; raises BadInput."""
+        """Return the robot with this name; raises BadInput if there is none."""
         if name not in self._robots:
             raise unknown_name("model", name, self._robots)
         return self._robots[name][0]
 
     def spawn(self, entry: RobotEntry, pose: Pose3, wait: bool = False) -> Robot:
-        """Add a robot; raises BadInput when its name, namespace or frames are taken or wrong, or it would overlap
-        with something.
+        """Add a robot.
 
-        A robot from outside is put so high that it stands on the ground, wherever its root lies. What is stopped by
-        its name, or while all are, is so from the start. With ``wait`` it starts on the parameters
-        that the parameter service has for it, else they come a moment later.
+        A robot from outside is raised so that it stands on the ground, wherever its root is. Emergency stops of its
+        name, or of all robots, hold it from the start. With ``wait`` it starts with the values that the parameter
+        service has for it; otherwise these arrive a moment later.
+
+        Raises:
+            BadInput: Its name, namespace or frames are taken or illegal, or it would overlap with something.
         """
         check_robot_names(entry, [robot.entry for robot in self.robots])
         x, y, _ = pose.position
@@ -143,7 +146,7 @@ class Simulation:
         return robot
 
     def delete(self, name: str) -> None:
-        """Take a robot out; raises BadInput when there is none of this name."""
+        """Delete a robot; raises BadInput if no robot has this name."""
         self.find(name).close()
         self.wrenches.remove_body(name)
         del self._robots[name]
@@ -155,7 +158,7 @@ class Simulation:
         self.publish_static_tf()
 
     def reset(self, time_too: bool) -> None:
-        """Put everything where it was spawned; with ``time_too`` time restarts at 0, in a new epoch."""
+        """Return everything to its spawn pose; with ``time_too``, time restarts at 0 in a new epoch."""
         self.world.reset()
         self.wrenches.reset()
         if time_too:
@@ -179,7 +182,7 @@ class Simulation:
             self.publish_clock()
 
     def _update_readers(self) -> None:
-        """Look again at what is read by anybody, if that may have changed."""
+        """Update which topics have subscribers, if that may have changed."""
         self.subscriptions.update()
         version = self.subscriptions.changes, self._node.version, self._node.transport.readers_version
         if version == self._readers_version:
@@ -219,12 +222,12 @@ class Simulation:
         )
 
     def read_inputs(self, watermarks: Watermarks | None, factor: float) -> None:
-        """Take the commands and parameters that have come.
+        """Apply the commands and parameters received for this tick.
 
-        Lost publishers count last: a command that came just before its sender went must not outlive it.
+        Lost publishers are processed last: a command that arrived just before its publisher left must not outlive it.
 
         Args:
-            watermarks: How far members of lockstep are let through; None in real time.
+            watermarks: How far samples of lockstep members are admitted; None in real time.
             factor: Simulated seconds per second of wall time.
         """
         self._node.update_subscribers(watermarks)
@@ -235,7 +238,7 @@ class Simulation:
         lockstep_members = watermarks.members if watermarks is not None else set()
         lost, self._lost_publishers = self._lost_publishers, []
         if watermarks is not None and watermarks.lost_members:
-            # Lockstep goes on without them from this tick; the tokens of their publications may go a moment later.
+            # Lockstep continues without them from this tick; the tokens of their publishers may vanish a moment later.
             lost += self._command_sources.publishers_of(watermarks.lost_members)
             watermarks.lost_members = set()
         for parameters, robot in self._parameters:
@@ -251,22 +254,22 @@ class Simulation:
                 robot.publisher_lost(source, self.now)
 
     def read_stops(self, watermarks: Watermarks | None) -> None:
-        """Take the emergency stops that have come, and nothing else: they count also while time is paused."""
+        """Apply the emergency stops received, and nothing else: they take effect even while time is paused."""
         for each in (self._e_stop_subscriber, *(robot.e_stop_subscriber for robot in self.robots)):
             if each is not None:
                 each.update(watermarks)
-        # For their names; that they are gone counts with their last commands.
+        # Updates the names of holders; the losses themselves are processed after the last commands.
         self._lost_publishers += self._command_sources.lost_publishers()
         self._apply_stops()
 
     def release_stop(self, robot: str, holder: str) -> str:
-        """Release emergency stops that others hold, as ``EmergencyStopStore.release`` does; raises BadInput."""
+        """Release other holders' emergency stops, see ``EmergencyStopStore.release``; raises BadInput."""
         done = self.stops.release(robot, holder)
         self._save_stops()
         return done
 
     def step(self) -> None:
-        """One physics step."""
+        """Take one physics step."""
         now = self.now
         for controller, robot in self._controllers:
             if controller.idle_until < now:
@@ -280,7 +283,7 @@ class Simulation:
             act()
 
     def _apply_stops(self) -> None:
-        """Stop first, then write, then publish: nothing moves meanwhile, and what is published is kept."""
+        """Stop first, then save, then publish: nothing moves in between, and what is published is saved."""
         stop_for_all = self.stops.process(ALL_ROBOTS, self._e_stop_subscriber.name, self._e_stop_subscriber.messages)
         for robot in self.robots:
             own = robot.e_stop_subscriber
@@ -300,7 +303,7 @@ class Simulation:
         self._stops_publisher.publish(EmergencyStopList(stops=self.stops.all))
 
     def _regroup(self) -> None:
-        """Robots have come or gone, or are commanded in another way: what is due for which of them is another."""
+        """Rebuild the lists of what is due, after a robot was added, deleted or commanded in another way."""
         self._contacts = None
         self._sensors.replace(each for robot in self.robots for each in robot.publishers.sensors)
         self._readers_version = None

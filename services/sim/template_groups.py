@@ -1,4 +1,4 @@
-"""Templates of messages that are filled in groups: a message of many robots takes a fifth of the time."""
+"""Message templates that are filled in groups: a message of many robots takes a fifth of the time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from messages.template import Template
 
 
 class TemplateGroup:
-    """Templates of equally many numbers, which are filled all at once."""
+    """Templates with the same count of numbers, filled together."""
 
     def __init__(self, templates: Sequence[Template[Any]]) -> None:
         self._heads = [each.head for each in templates]
@@ -24,21 +24,21 @@ class TemplateGroup:
         self._places = (np.array(places, np.intp)[..., None] + np.arange(8)).ravel()
 
     def encode(self, stamp: bytes, numbers: NDArray[np.float64]) -> list[bytes]:
-        """What each template makes of its row of ``numbers``, shape (templates, count)."""
+        """Return the message of each template, filled with its row of ``numbers``, shape (templates, count)."""
         self._bytes[self._places] = np.ascontiguousarray(numbers, ">f8").view(np.uint8).ravel()
         rests = self._bytes.tobytes()
         return [head + stamp + rests[part] for head, part in zip(self._heads, self._parts, strict=True)]
 
 
 class GroupEncoder:
-    """Fills groups of templates that are mostly the same from one time to the next."""
+    """Fills groups of templates that rarely change from one call to the next."""
 
     def __init__(self) -> None:
         self._templates: list[Template[Any]] = []
         self._group = TemplateGroup(())
 
     def encode(self, templates: list[Template[Any]], stamp: bytes, numbers: NDArray[np.float64]) -> list[bytes]:
-        """What each template makes of its row of ``numbers``, as a ``TemplateGroup`` does."""
+        """Return the message of each template, see ``TemplateGroup.encode``."""
         if templates != self._templates:
             self._templates, self._group = templates, TemplateGroup(templates)
         return self._group.encode(stamp, numbers)

@@ -25,11 +25,10 @@ from services.sim.template_groups import GroupEncoder, TemplateGroup
 
 
 def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMessage:
-    """All fixed transforms in one message, since a latched publisher keeps only its last.
+    """Return all fixed transforms in one message, since a latched publisher keeps only its last.
 
-    ``world`` to ``odom`` is the identity for odometry that began in world coordinates, else where the robot was
-    spawned, moved by what odometry was set to since. A model with a fixed base has no odometry: its base stands in
-    ``world``.
+    ``world`` to ``odom`` is the identity if odometry starts in world coordinates, else the spawn pose; both are moved
+    by later settings of odometry. A model with a fixed base has no odometry: its base is in ``world``.
     """
     transforms = []
     for robot, spawn_pose in robots:
@@ -49,7 +48,7 @@ def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMess
 
 
 class _TransformTemplate:
-    """The transform between two frames, but for its stamp and its seven numbers."""
+    """The transform between two frames, without its stamp and its seven numbers."""
 
     def __init__(self, frame: str, child: str) -> None:
         self.template = Template(lambda stamp, numbers: _of_numbers(stamp, frame, child, numbers), 7)
@@ -57,8 +56,10 @@ class _TransformTemplate:
 
 
 class _RobotFrames:
-    """The frames of a robot that move: that of its base, and those of its joints with their places in the readings, if
-    the simulation publishes these."""
+    """The moving frames of a robot: its base, and its joints if the simulation publishes them.
+
+    ``places`` are the indices of the joints in the body's joint readings.
+    """
 
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
         self.robot, prefix, self.joint_count = robot, robot.frame_prefix, len(joints)
@@ -71,32 +72,31 @@ class _RobotFrames:
 
     @property
     def odometry(self) -> tuple[bytes, OdometrySample] | None:
-        """What was published last, and its stamp; None where the base is no transform."""
+        """The stamp and sample published last; None if the base is not on ``/tf``."""
         return self.robot.publishers.odometry if self.robot.actuation.publishes_odom_tf else None
 
 
 class MovingTransforms:
-    """Where the bases of all robots are in their odometry, and how their joints stand."""
+    """Encodes the transforms of all robots' bases in their odometry, and of their joints."""
 
     def __init__(self) -> None:
         self._frames: dict[str, _RobotFrames] = {}
         self._based: list[_RobotFrames] | None = None
-        """Those whose bases are transforms, in the order of all; None to arrange everything anew."""
+        """Robots whose bases are on ``/tf``, in the order of all; None forces a new arrangement."""
         self._base_encoder = GroupEncoder()
 
     def add(self, robot: Robot, joints: Sequence[str]) -> None:
-        """A robot has come, whose body has these joints."""
+        """Add a robot whose body has these joints."""
         self._frames[robot.name] = _RobotFrames(robot, joints)
         self._based = None
 
     def remove(self, name: str) -> None:
-        """A robot has gone."""
+        """Remove a robot."""
         del self._frames[name]
         self._based = None
 
     def encode(self, moment: Moment) -> list[bytes]:
-        """The messages of the transforms as they are now; that of a base is as old as the odometry that was published
-        last."""
+        """Return the encoded messages of the current transforms; a base's is stamped with its last odometry."""
         odometries = {each: odometry for each in self._frames.values() if (odometry := each.odometry) is not None}
         if (based := list(odometries)) != self._based:
             self._arrange(based)
@@ -104,13 +104,13 @@ class MovingTransforms:
         return self._messages.join([transforms[place] for place in self._order])
 
     def _arrange(self, based: list[_RobotFrames]) -> None:
-        """From now on there are the transforms of these bases and of all joints, those of a robot one after another."""
+        """Arrange the transforms of these bases and of all joints, those of one robot next to each other."""
         frames, self._based = list(self._frames.values()), based
         self._jointed = tuple(each.robot.name for each in frames if each.joints)
         self._joints = JointTransforms([joint for each in frames for joint in each.joints])
         self._joint_encoder = TemplateGroup([link.template for each in frames for link in each.of_joints])
         self._joint_places = list[int]()
-        """Of the angles of these joints, among those of all joints of their robots."""
+        """Indices of these joints among all joints of their robots."""
         self._order = list[int]()
         sizes, base, joint, angles = list[int](), 0, len(based), 0
         for each in frames:
@@ -141,7 +141,7 @@ class MovingTransforms:
 
 
 class JointTransforms:
-    """``Joint.transform`` of many joints at once."""
+    """``Joint.transform`` for many joints at once."""
 
     def __init__(self, joints: Sequence[Joint]) -> None:
         self._xyz = np.array([joint.xyz for joint in joints]).reshape(-1, 3).T
@@ -152,8 +152,8 @@ class JointTransforms:
         self._mounts = mounts
 
     def poses(self, positions: Sequence[float]) -> NDArray[np.float64]:
-        """The poses of the children in the parents, shape (n, 7): position [m], orientation (x, y, z, w)."""
-        # Python's sine and cosine: those of numpy differ in the last place from one processor to another.
+        """Return the poses of child links in their parents, shape (n, 7): position [m], orientation (x, y, z, w)."""
+        # Python's sine and cosine: numpy's differ in the last digit between processors.
         sine = np.array([math.sin(each / 2) for each in positions])
         cosine = np.array([math.cos(each / 2) for each in positions])
         turn = (*(sine * self._axes), np.where(self._axes.any(axis=0), cosine, 1.0))
@@ -162,21 +162,21 @@ class JointTransforms:
 
 
 def _extra_frame(robot: Robot) -> str | None:
-    """The child frame of odometry where it is none of the robot's links: it coincides with the root.
+    """Return the child frame of odometry if it is not a link of the robot; it then coincides with the root.
 
-    A link that is not the root has a parent already, and a frame has one: then the root is what moves in ``odom``.
+    A frame has one parent, so a link other than the root cannot be that child: the root moves in ``odom`` instead.
     """
     stated = robot.publishers.odometry_child
     return None if robot.model.fixed_base or stated in robot_links(robot.entry.model) else stated
 
 
 def _published_joints(robot: Robot) -> tuple[Joint, ...]:
-    """The joints whose transforms the simulation publishes: all, or none when the service ``state`` does."""
+    """Return the joints whose transforms the simulation publishes: all, or none if the service ``state`` does."""
     return read_joints(robot.entry.model) if robot.actuation.publishes_link_tf else ()
 
 
 def _odom_origin(robot: Robot, spawn_pose: Pose3) -> Pose3:
-    """Where the frame of a robot's odometry lies in the world."""
+    """Return the pose of a robot's odometry frame in the world."""
     odometer = robot.publishers.odometer
     if odometer.state is None:
         return IDENTITY

@@ -1,4 +1,4 @@
-"""The two modes of time: real time (the wall clock times a factor), and lockstep with the members."""
+"""The two time modes: real time (the wall clock times a factor), and lockstep with the members."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.runtime.node import Node
 from services.sim.simulation import CONTROL_STEPS, Simulation
 
 MAX_LAG_S = 0.1
-"""Wall time by which real time may lag before it gives up catching up."""
+"""Wall time by which real time may lag; beyond it, the lag is dropped instead of made up for."""
 
 
 class TimeMode(Protocol):
@@ -27,39 +27,39 @@ class TimeMode(Protocol):
         """Block until time may start.
 
         Args:
-            absent: Members that are not waited for.
-            meanwhile: Called again and again while members are waited for.
+            absent: Members not to wait for.
+            meanwhile: Called repeatedly while waiting for members.
         """
         ...
 
     @property
     def due(self) -> bool:
-        """Whether this tick is waited for, and inputs are read at it."""
+        """Whether to wait for this tick and to read inputs at it."""
         ...
 
     def flush(self) -> None:
-        """Send what was published, unless it is to leave with what ``wait`` sends at this tick."""
+        """Send what was published, unless it is to leave in one burst with what ``wait`` sends at this tick."""
         ...
 
     def wait(self, interrupted: Callable[[], bool]) -> bool:
         """Block until this tick may be taken.
 
         Returns:
-            False if ``interrupted`` came true first; the next call goes on waiting.
+            False if ``interrupted`` became true first; the next call continues the wait.
         """
         ...
 
     def resync(self) -> None:
-        """Follow a pause, a resume, a reset, or steps that begin."""
+        """Adapt to a pause, a resume, a reset, or the start of requested steps."""
         ...
 
     def set_factor(self, factor: float) -> None:
-        """Set the simulated seconds per second of wall time, where the mode has such a factor."""
+        """Set the simulated seconds per second of wall time, if the mode has such a factor."""
         ...
 
 
 class RealTime:
-    """Follows the wall clock times a factor; what the machine cannot keep up with is lost, not made up for.
+    """Follows the wall clock times a factor; time that the machine cannot keep up with is lost, not made up for.
 
     ``on_lag`` is called with the wall time [s] lost, each time that happens.
     """
@@ -103,8 +103,10 @@ class RealTime:
 
 
 class Lockstep:
-    """Waits at each tick for the members that are due; with ``latency`` 1 they compute
-    while the physics steps, until they are due again."""
+    """Waits at each tick for the members that are due.
+
+    With ``latency`` 1 they compute while the physics steps, until they are due again.
+    """
 
     factor = 1.0
 
@@ -150,7 +152,7 @@ class Lockstep:
             self._node.send_buffer.flush()
 
     def resync(self) -> None:
-        # A resume or a reset shows in the next grant; a member takes any that is not paused as a step.
+        # A resume or a reset shows in the next grant; to a member, any grant that is not paused is a step.
         if self._simulation.paused:
             self._barrier.announce(self._step_grant(paused=True))
 
@@ -162,7 +164,7 @@ class Lockstep:
         return self._simulation.tick % CONTROL_STEPS == 0
 
     def _step_members(self, now: int, interrupted: Callable[[], bool]) -> bool:
-        # There are reports of steps before this one with latency 1, or when the wait for them was interrupted.
+        # With latency 1, or after an interrupted wait, reports of earlier steps are still outstanding.
         if not self._barrier.collect_reports(now, interrupted):
             return False
         self._grant()
@@ -172,7 +174,7 @@ class Lockstep:
         if self._barrier.version != self._published_version:
             self._published_version = self._barrier.version
             self._state_publisher.publish(self._barrier.state)
-        # Not paused: also the steps that are asked for during a pause are steps to a member.
+        # Not paused: to a member, steps requested during a pause are steps like any other.
         self._barrier.grant(self._step_grant(paused=False), self._node.publishers)
         self.resync()
 

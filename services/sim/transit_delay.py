@@ -1,4 +1,4 @@
-"""The age of a sample at its arrival, whatever the sender's clock says, and through steps of any clock."""
+"""Estimates the age of a sample at its arrival, despite offsets between clocks and steps of any clock."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from services.runtime.transport.wire import SampleInfo
 SECOND = 1_000_000_000
 
 JUMP_NS = 50_000_000
-"""A delay that differs by more from the baseline is a late sample, or a clock that was set."""
+"""A delay that differs by more from the baseline means a late sample, or a clock that was set."""
 CONFIRM_NS = 150_000_000
-"""For so long samples must come at the pace at which they were sent before their delay is a new baseline."""
+"""Samples must arrive at the pace of their stamps for this long before their delay becomes the new baseline."""
 MAX_LOST = 4
-"""Numbers that may be missing between two samples of such a proof."""
+"""Samples that may be missing between two of those that confirm a new baseline."""
 WINDOW_NS = 10 * SECOND
-"""The baseline follows the least delay of the last one or two of these: drift of 100 ppm moves it by 2 ms meanwhile."""
+"""The baseline is the smallest delay of the last one or two windows: drift of 100 ppm moves it by 2 ms in that time."""
 MAX_SENDERS = 1024
-"""Maximum number of publishers that are remembered; the one that was silent for longest is forgotten."""
+"""Maximum number of publishers remembered; the one silent for longest is forgotten."""
 
 
 class TransitDelayEstimator:
-    """The time that samples were under way: their delay (arrival less the sender's stamp) beyond a baseline.
+    """Estimates the transit time of samples: their delay (arrival minus the sender's stamp) above a baseline.
 
-    The baseline of a publisher is the least delay that it had lately. At first it is 0: the clocks agree, as on one
-    machine they do. Where they differ, or when one of them is set, the delay jumps, as it does when samples waited
-    in a frozen process or on a link. The two are told apart by pace. What had waited comes all at once; so a delay off
-    the baseline becomes the new one only when samples have kept to it for PROOF_NS of a clock that nobody sets, in the
-    order of their numbers. Until then a sample that looks late is as old as it looks, and one that looks newer than any
-    can be is of unknown age, ``inf``. So a clock that is set, or differs, costs its sender PROOF_NS once.
+    The baseline of a publisher is its smallest recent delay. It starts at 0: clocks agree, as on one machine. Where
+    they differ, or when one is set, the delay jumps; it also jumps when samples waited in a frozen process or on a
+    link. The two differ in pace: what had waited arrives all at once. So a delay off the baseline becomes the new one
+    only after samples have kept to it for CONFIRM_NS of a monotonic clock, in the order of their sequence numbers.
+    Until then a sample that looks late is as old as it looks, and the age of one that looks too new is unknown,
+    ``inf``. So a clock that is set, or differs, costs its sender CONFIRM_NS once.
 
-    It cannot be told from a clock that is set: a link that from now on delays everything by the same time.
+    A link that suddenly delays everything by the same time cannot be told from a clock that was set.
 
     Args:
-        wall: The clock by which stamps are made, ns.
-        monotonic: A clock that nobody sets, ns.
+        wall: The clock that stamps are made with, ns.
+        monotonic: A clock that is never set, ns.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class TransitDelayEstimator:
         self._senders: OrderedDict[bytes, _Sender] = OrderedDict()
 
     def estimate(self, origin: SampleInfo) -> float:
-        """The age of a sample that arrives now, s of wall time; ``inf`` when it is not known."""
+        """Return the age of a sample that arrives now, s of wall time; ``inf`` if it is unknown."""
         sender = self._senders.get(origin.publisher)
         if sender is None:
             if len(self._senders) >= MAX_SENDERS:
@@ -60,7 +60,7 @@ class TransitDelayEstimator:
 
 @dataclass(slots=True)
 class _Candidate:
-    """Samples that keep to a delay off the baseline: the first's, the least, when they began, the last's number."""
+    """A possible new baseline: delay of its first sample, smallest delay, when it began, and the last number."""
 
     first: int
     least: int
@@ -69,23 +69,23 @@ class _Candidate:
 
 
 class _Sender:
-    """The baseline of one publisher; all in ns."""
+    """The baseline of one publisher; all times in ns."""
 
     __slots__ = ("_baseline", "_candidate", "_lower", "_lower_until", "_window_minimum", "_window_start")
 
     def __init__(self) -> None:
         self._baseline = 0
         self._window_minimum: int | None = None
-        """The least delay since ``_since``; the baseline is that of the window before, if it is less."""
+        """The smallest delay since ``_window_start``; the baseline is the previous window's, if that is smaller."""
         self._window_start = 0
         self._candidate: _Candidate | None = None
         self._lower, self._lower_until = 0, 0
-        """The baseline before it rose, for as long as it may come back."""
+        """The baseline before it rose, and until when it may be restored."""
 
     def delay(self, number: int, delay: int, now: int) -> float:
-        """The age [s] of the sample ``number``, which came at ``now`` with this delay."""
+        """Return the age [s] of the sample ``number`` that arrived at ``now`` with this delay."""
         if now < self._lower_until and self._lower - JUMP_NS <= delay < self._baseline - JUMP_NS:
-            self._set_baseline(self._lower)  # not a clock was set, but a machine was busy that is not any more
+            self._set_baseline(self._lower)  # no clock was set: a machine was busy, and no longer is
         if abs(delay - self._baseline) > JUMP_NS and not self._confirmed(number, delay, now):
             return (delay - self._baseline) / SECOND if delay > self._baseline else inf
         self._candidate = None
@@ -93,7 +93,7 @@ class _Sender:
         return max(0, delay - self._baseline) / SECOND
 
     def _confirmed(self, number: int, delay: int, now: int) -> bool:
-        """Whether samples have kept to this delay for long enough; then it is the baseline."""
+        """Return whether samples have kept to this delay for long enough; if so, make it the baseline."""
         proof = self._candidate
         if proof is None or not (
             proof.first - JUMP_NS <= delay <= proof.least + JUMP_NS
@@ -115,7 +115,7 @@ class _Sender:
         self._baseline, self._window_minimum = baseline, None
 
     def _update_baseline(self, delay: int, now: int) -> None:
-        """Let the baseline be the least delay of this window and the one before; in a pause it stays."""
+        """Make the smallest delay of this window and the previous one the baseline; without samples it stays."""
         if self._window_minimum is None:
             self._window_minimum, self._window_start = delay, now
         elif now - self._window_start < WINDOW_NS:

@@ -1,4 +1,4 @@
-"""What a world looks like, as markers: one of its ground, and those of its bodies."""
+"""A world as markers: one for its ground, and those of its bodies."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from models.shape_mesh import joined, placed, shape_mesh
 from models.world import WorldBody, WorldDescription
 
 GROUND_MARGIN = 1.0
-"""m of ground that is drawn around the outermost bodies."""
+"""m; margin of the drawn ground around the outermost bodies."""
 LEAST_GROUND = 20.0
-"""m; the drawn ground measures as much at least, about the origin or the bodies."""
+"""m; minimum side of the drawn ground, around the origin or the bodies."""
 MAP_ROWS = 50
-"""Rows and columns of a height map as it is drawn."""
+"""Rows and columns that a height map is drawn with."""
 MOST_TRIANGLES = 5000
-"""Of one marker; a larger mesh is drawn from its file, or as the box around it."""
+"""Per marker; a larger mesh is drawn from its file, or as its bounding box."""
 MOST_POINTS = 150_000
-"""Of all markers: what is beyond is drawn as boxes, so that the message stays below the topic's largest."""
+"""For all markers together: further bodies are drawn as boxes, to keep the message below the topic's maximum size."""
 
 _GROUND_THICKNESS = 0.01
 _GROUND_COLOUR = ColorRGBA(r=0.85, g=0.85, b=0.85, a=1.0)
@@ -32,11 +32,12 @@ _UNIT = Vector3(x=1.0, y=1.0, z=1.0)
 
 
 def world_markers(world: WorldDescription) -> MarkerArray:
-    """The ground, in the namespace ``ground``, as a flat cube whose top is z = 0; then the bodies, in order.
+    """Return the ground, in the namespace ``ground``, as a flat cube whose top is z = 0; then the bodies, in order.
 
     A body's namespace is its kind (``fixed``, ``movable`` or ``moving``), or ``ground`` for a fixed part that robots
-    drive on, as a ramp; its ``text`` is its name, ``id`` counts the markers. A fixed body has a marker for each part;
-    one that moves has one alone, whose pose is the body's, so that it can be drawn anew where ``/world/states`` says.
+    drive on, such as a ramp; its ``text`` is its name, ``id`` counts the markers. A fixed body has a marker for each
+    part; one that moves has a single marker with the body's pose, so that it can be redrawn at the pose from
+    ``/world/states``.
     """
     markers: list[Marker] = []
     points = 0
@@ -91,7 +92,7 @@ def _compound_marker(body: WorldBody, parts: list[BodyPart], triangles: bool) ->
 
 
 def _small(mesh: Mesh, triangles: bool) -> Mesh:
-    """The mesh, or the box around it where it has too many triangles."""
+    """Return the mesh, or its bounding box if it has too many triangles."""
     if triangles and len(mesh.triangles) <= MOST_TRIANGLES:
         return mesh
     low, high = mesh.bounds
@@ -133,7 +134,7 @@ def _colour(part: BodyPart) -> ColorRGBA:
 
 
 def _ground(world: WorldDescription) -> Marker:
-    """The rectangle that holds all bodies where they start, with a margin, and all paths."""
+    """Return the rectangle that contains all bodies at their start, with a margin, and all paths."""
     reaches = []
     for body in world.all_bodies:
         for part in body.parts:
@@ -157,7 +158,7 @@ def _ground(world: WorldDescription) -> Marker:
 
 
 def _extent(intervals: list[tuple[float, float]]) -> tuple[float, float]:
-    """The interval [m] that holds all, LEAST_GROUND long at least."""
+    """Return the interval [m] that contains all, at least LEAST_GROUND long."""
     low, high = min((each[0] for each in intervals), default=0.0), max((each[1] for each in intervals), default=0.0)
     missing = max(0.0, LEAST_GROUND - (high - low)) / 2
     return low - missing, high + missing

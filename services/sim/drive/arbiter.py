@@ -1,4 +1,4 @@
-"""The choice of the command that a base obeys: sources with priorities, time-outs, and the emergency stop."""
+"""Chooses the command that a base follows: priorities of sources, time-outs, and the emergency stop."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
 SECOND = 1_000_000_000
 
 STANDSTILL = 1e-9
-"""m/s and rad/s; a command below it is 0: no denormal number comes near a wheel."""
+"""m/s and rad/s; a command below it counts as 0, so that no denormal number reaches a wheel."""
 
 
 class Decision(NamedTuple):
-    """What a base does now: the command of ``source``, or, with ``braking``, come to a stop. ``vy`` is sideways."""
+    """The current decision: follow the command of ``source``, or brake to a stop. ``vy`` is sideways, m/s."""
 
     v: float
     w: float
@@ -27,7 +27,7 @@ BRAKE = Decision(0.0, 0.0, True, None)
 
 
 class _Command(NamedTuple):
-    """The last good command of a source, made at ``made`` and dead after ``until`` [ns]; ``turn`` grows with each."""
+    """The last valid command of a source: made at ``stamp``, valid until ``until`` [ns]; ``order`` grows with each."""
 
     priority: int
     v: float
@@ -39,16 +39,16 @@ class _Command(NamedTuple):
 
 
 class Arbiter:
-    """Chooses the command that a base obeys. All times are simulation time, ns.
+    """Chooses the command that a base follows. All times are simulation time, ns.
 
-    The command of the highest priority among those that are not older than ``timeout`` [s] is obeyed; among equal
-    priorities, the last one that arrived. A command's age counts from its stamp where it has one, and from its arrival
-    otherwise. With ``timeout`` 0 a command holds until its publisher is gone. When nothing is left, the base brakes.
-    ``exclusive`` allows one commander at a time: while commands of several live, the base brakes, and each that comes
-    is refused; ``contested`` says so.
-    ``commands``, ``refused`` and ``stale_dropped`` count what was offered; ``commands_timed_out`` counts how often a
-    base that had been told to move was left without a live command. ``last_command`` [ns] is when the newest of the
-    accepted was made. ``decision`` holds until ``until`` [ns], unless something comes.
+    It is the command of the highest priority among those not older than ``timeout`` [s]; among equal priorities, the
+    last to arrive. A command's age counts from its stamp if it has one, else from its arrival. With ``timeout`` 0 a
+    command holds until its publisher is gone. When none is left, the base brakes. ``exclusive`` allows one commander at
+    a time: while several have live commands, ``conflict`` is true, the base brakes, and each new command is refused.
+
+    ``commands``, ``refused`` and ``stale_dropped`` count what was received; ``commands_timed_out`` counts how often a
+    moving base was left without a live command. ``last_command`` [ns] is the stamp of the last accepted command.
+    ``decision`` holds until ``until`` [ns], unless something arrives.
     """
 
     def __init__(self, timeout: float = 0.25, exclusive: bool = False) -> None:
@@ -63,13 +63,14 @@ class Arbiter:
     def accept(
         self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int, vy: float = 0.0
     ) -> bool:
-        """Take a command made at ``stamp_ns`` (None if unknown) that arrived at ``now_ns``; True if it is accepted.
+        """Process a command made at ``stamp_ns`` (None if unknown), received at ``now_ns``; return whether it is
+        accepted.
 
-        Refused and counted are speeds that are not finite or beyond ``messages.geometry``'s bounds. Dropped as stale
-        are commands older than the time-out, and those from the future: they were made before time was set back.
-        During an emergency stop commands count but are not kept, so none moves the base when it is over.
+        Speeds that are not finite or beyond ``messages.geometry``'s bounds are refused and counted. Commands older than
+        the time-out are dropped as stale, as are those from the future: they were made before time was set back. During
+        an emergency stop commands are counted but not kept, so none moves the base after it.
         """
-        # Comparisons that a NaN fails.
+        # Written so that NaN fails.
         linear = -FASTEST_LINEAR <= v <= FASTEST_LINEAR and -FASTEST_LINEAR <= vy <= FASTEST_LINEAR
         if not (linear and -FASTEST_ANGULAR <= w <= FASTEST_ANGULAR):
             self.refused += 1
@@ -93,12 +94,12 @@ class Arbiter:
         return True
 
     def publisher_lost(self, source: bytes, now_ns: int) -> None:
-        """The publisher ``source`` is gone: its command counts no more, whatever its age."""
+        """Discard the command of the publisher ``source``, which is gone, whatever its age."""
         if self._active.pop(source, None) is not None:
             self._choose(now_ns)
 
     def reconfigure(self, timeout: float, exclusive: bool, now_ns: int) -> None:
-        """Judge by another time-out [s] and rule from now on, the commands that have come, too."""
+        """Set the time-out [s] and the rule from now on; they also apply to commands already received."""
         if (exclusive, _timeout_ns(timeout)) == (self._exclusive, self._timeout):
             return
         self._exclusive, self._timeout = exclusive, _timeout_ns(timeout)
@@ -108,19 +109,19 @@ class Arbiter:
         self._choose(now_ns)
 
     def set_e_stop(self, on: bool) -> None:
-        """Stop at once and stay so until ``e_stop(False)``; then only commands that arrive later are obeyed."""
+        """Stop at once and stay stopped until ``set_e_stop(False)``; then only later commands are followed."""
         self.e_stopped = on
         if on:
             self.clear()
 
     def clear(self) -> None:
-        """Forget all commands, as when simulation time restarts; an emergency stop and the counts stay."""
+        """Discard all commands, e.g. when simulation time restarts; an emergency stop and the counts stay."""
         self._active.clear()
         self.decision, self.until = BRAKE, inf
         self.timed_out = self.conflict = False
 
     def decide(self, now_ns: int) -> Decision:
-        """What the base does at ``now_ns``."""
+        """Return what the base does at ``now_ns``."""
         if now_ns > self.until:
             self._choose(now_ns)
         return self.decision
@@ -144,5 +145,5 @@ class Arbiter:
 
 
 def _timeout_ns(timeout: float) -> float:
-    """A time-out [s] in ns; 0 is none."""
+    """Convert a time-out from s to ns; 0 means none."""
     return round(timeout * SECOND) if timeout > 0 else inf

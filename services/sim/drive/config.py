@@ -1,4 +1,4 @@
-"""The configuration of a base's drive, from a model's figures and a robot's parameters, checked against the URDF."""
+"""The configuration of a base's drive, from the model and a robot's parameters, checked against the URDF."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from services.sim.physics.world import Motor
 class LiveParameters:
     """The live parameters of ROS's ``diff_drive_controller``.
 
-    Multipliers of what is configured; ``publish_rate`` [Hz] of odometry, 0 for none; ``enable_odom_tf`` tells whether
-    odometry is a transform on ``/tf``, too.
+    Multipliers of the configured geometry; ``publish_rate`` [Hz] of odometry, 0 for none; ``enable_odom_tf``: whether
+    odometry is also published on ``/tf``.
     """
 
     wheel_separation_multiplier: float = 1.0
@@ -42,7 +42,7 @@ class LiveParameters:
 
 
 DEFAULT_WINDOW = 2
-"""Control ticks in the mean of odometry's speed: 2 as in the tutorials; ROS's default of 10 lags by 0.1 s."""
+"""Control ticks over which odometry averages its speed: 2 as in the tutorials; ROS's default of 10 lags by 0.1 s."""
 
 
 NO_TIMEOUT = (
@@ -54,9 +54,9 @@ NO_TIMEOUT = (
 
 @dataclass(frozen=True)
 class DriveConfig:
-    """Everything that a base driver is set to. ``geometry`` is without multipliers; ``drive`` has those of ``live``.
+    """The full configuration of a base driver. ``geometry`` is without multipliers; ``drive`` has those of ``live``.
 
-    The wheels of one side turn alike, ``reversed`` ones the other way round; a holonomic base drives none.
+    All wheels of one side turn at the same rate, ``reversed`` ones in the opposite sense; a holonomic base drives none.
     """
 
     left_joints: tuple[str, ...]
@@ -76,14 +76,14 @@ class DriveConfig:
 
     @property
     def motors(self) -> tuple[Motor, ...]:
-        """Those of the wheels, of the left first, and of the steered ones."""
+        """The motors of the wheels, left ones first, and of the steering joints."""
         wheels = tuple(Motor(joint, self.torque) for joint in (*self.left_joints, *self.right_joints))
         steering = self.drive.steering
         steered = () if steering is None else tuple(Motor(each.joint, self.steering_torque) for each in steering.wheels)
         return wheels + steered
 
     def of_wheels(self, sides: tuple[float, float]) -> tuple[float, ...]:
-        """A figure of each driven wheel, those of the left first, from the ones of the two sides."""
+        """Return a value for each driven wheel, left ones first, from the values of the two sides."""
         figures = (sides[0],) * len(self.left_joints) + (sides[1],) * len(self.right_joints)
         if not self.reversed:
             return figures
@@ -91,16 +91,16 @@ class DriveConfig:
         return tuple(-each if joint in self.reversed else each for joint, each in zip(joints, figures, strict=True))
 
     def of_sides(self, by_joint: Mapping[str, float]) -> tuple[float, float]:
-        """The mean figures of the two sides, positive ahead, from those of the joints."""
+        """Return the mean values of the two sides, positive ahead, from those of the joints."""
         return _mean_of(by_joint, self.left_joints, self.reversed), _mean_of(by_joint, self.right_joints, self.reversed)
 
 
 @dataclass(frozen=True)
 class OdometryConfig:
-    """Where odometry comes from, and what is said of it; a covariance of None is that of its source.
+    """The source of odometry, and its covariances; None for the default of its source.
 
-    Odometry that counts begins at the robot's pose in the world with ``in_world``, else at 0. ``error_multiple`` is of
-    the standard deviations ``error`` of the wheels' figures.
+    Counted odometry starts at the robot's pose in the world with ``in_world``, else at 0. ``error_multiple`` multiplies
+    ``error``, the standard deviations of the wheel radii and separation.
     """
 
     source: Literal["world", "encoder", "open loop"]
@@ -116,7 +116,7 @@ _DEFAULTS = BaseParameters()
 
 
 def effective_parameters(name: str, model: RobotModel, stated: BaseParameters) -> BaseParameters:
-    """What is ``stated``, completed by the model's ``[drive]`` where it is None; raises BadInput for a bad file."""
+    """Return ``stated``, with the model's ``[drive]`` where it has None; raises BadInput for a bad file."""
     where = f"{model_config_path(name)}: [drive]"
     ours = build(BaseParameters, model.drive, where)
     for each in model.drive:
@@ -127,7 +127,7 @@ def effective_parameters(name: str, model: RobotModel, stated: BaseParameters) -
 
 
 def with_model_defaults(model: RobotModel, parameters: BaseParameters) -> BaseParameters:
-    """The parameters with the figures that count where they have None, as far as a single one does."""
+    """Fill in the effective values where the parameters have None, as far as there is a single one."""
     wheels, base = model.wheels, model.wheels or model.planar
     if base is None:
         return parameters
@@ -160,7 +160,7 @@ def with_model_defaults(model: RobotModel, parameters: BaseParameters) -> BasePa
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """A model, the effective parameters of its base, and what its driver works with; None without a base."""
+    """A model, the effective parameters of its base, and its drive configuration; None without a base."""
 
     model: RobotModel
     parameters: BaseParameters
@@ -168,14 +168,14 @@ class RobotConfig:
 
 
 def robot_config(name: str, stated: BaseParameters) -> RobotConfig:
-    """How a robot of the model ``name`` is driven when a fleet gives these parameters; raises BadInput."""
+    """Return the configuration of a robot of the model ``name`` with the parameters of a fleet; raises BadInput."""
     model = read_model(name)
     parameters = effective_parameters(name, model, stated)
     return RobotConfig(model, parameters, drive_config(name, model, parameters) if model.has_base else None)
 
 
 def odometry_config(model: RobotModel, parameters: BaseParameters) -> OdometryConfig:
-    """How the odometry of a robot is made; one without wheels has that of the world."""
+    """Return the configuration of a robot's odometry; without wheels it is the true pose in the world."""
     chosen = model.odometry if parameters.odometry == "model" else parameters.odometry
     source: Literal["world", "encoder", "open loop"] = chosen if model.wheels is not None else "world"
     if parameters.open_loop and model.wheels is not None:
@@ -194,8 +194,11 @@ def odometry_config(model: RobotModel, parameters: BaseParameters) -> OdometryCo
 
 
 def drive_config(name: str, model: RobotModel, parameters: BaseParameters) -> DriveConfig:
-    """How the base of a robot is driven. ``parameters`` are the effective ones; raises BadInput for what contradicts
-    itself, and for wheels that are exchanged."""
+    """Return the configuration of a robot's drive, from the effective ``parameters``.
+
+    Raises:
+        BadInput: The parameters contradict each other, or left and right wheels are exchanged.
+    """
     wheels, live = model.wheels, _live_parameters(model, parameters)
     common: dict[str, Any] = {
         "live": live,
@@ -238,7 +241,7 @@ def drive_config(name: str, model: RobotModel, parameters: BaseParameters) -> Dr
 
 
 def apply_multipliers(drive: Drive, geometry: WheelGeometry, live: LiveParameters) -> Drive:
-    """The drive with the multipliers of ``live`` on the configured ``geometry``."""
+    """Return the drive with the multipliers of ``live`` applied to the configured ``geometry``."""
     made = geometry.scaled(
         live.wheel_separation_multiplier, live.left_wheel_radius_multiplier, live.right_wheel_radius_multiplier
     )
@@ -305,7 +308,7 @@ def _planar_drive(planar: PlanarConfig, parameters: BaseParameters, geometry: Wh
 
 
 def _check_against_urdf(name: str, left: str, right: str, used: WheelGeometry, parameters: BaseParameters) -> list[str]:
-    """Warnings about figures and wheels that do not fit the URDF; raises BadInput."""
+    """Return warnings about values and wheels that do not match the URDF; raises BadInput for fatal ones."""
     urdf = urdf_path(name)
     try:
         pair = read_wheels(urdf, left, right)
@@ -346,7 +349,7 @@ def _mean_of(by_joint: Mapping[str, float], joints: tuple[str, ...], turned: tup
 
 
 def _merged(ours: Any, stated: Any) -> Any:
-    """``stated`` with the fields of ``ours`` where it has None; tables are merged field by field."""
+    """Return ``stated`` with the fields of ``ours`` where it has None; tables are merged field by field."""
     fields = {}
     for name in stated.__struct_fields__:
         mine, theirs = getattr(ours, name), getattr(stated, name)
@@ -361,9 +364,9 @@ def _merged(ours: Any, stated: Any) -> Any:
 def axis_limits(
     name: str, stated: AxisParameters | None, fastest: float | None, rise: float | None, ros1_jerk: bool = False
 ) -> AxisLimits:
-    """The limits of the axis ``name``; raises BadInput for a deceleration of 0.
+    """Return the limits of the axis ``name``; raises BadInput for a deceleration of 0.
 
-    The hardware's speed ``fastest`` bounds what is given; ``rise`` is the acceleration where none is given.
+    The hardware's speed ``fastest`` caps the stated limits; ``rise`` is the acceleration if none is stated.
     """
     limits = stated or AxisParameters()
     most = inf if fastest is None else fastest
@@ -386,7 +389,7 @@ def axis_limits(
 
 
 def pid_gains(stated: PidParameters | None, limit: float) -> PidGains | None:
-    """The gains of a wheel whose torque is at most ``limit`` [N m]; None for one that is driven by speed."""
+    """Return the gains of a wheel whose torque is at most ``limit`` [N m]; None for one driven by speed."""
     if stated is None:
         return None
     low = -stated.i_clamp if stated.i_clamp_min is None else stated.i_clamp_min

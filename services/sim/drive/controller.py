@@ -1,4 +1,4 @@
-"""The differential drive controller of one robot: the command it obeys, and the wheel speeds that follow."""
+"""The differential drive controller of one robot: chooses the command to follow, and computes the wheel speeds."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from services.sim.transit_delay import TransitDelayEstimator
 STEP_S = STEP_NS / 1e9
 
 UNKNOWN_AGE_NS = 10**18
-"""Simulation time by which a command of unknown age is old: beyond every time-out."""
+"""Assumed age, in simulation time, of a command of unknown age: beyond every time-out."""
 _NOT_IDLE = -1
-"""Before the first step."""
+"""Earlier than any step: the next step has to be taken."""
 
 ReceivedCommands = list[tuple[Message, SampleInfo | None]]
-"""What an input admitted at this tick."""
+"""The commands admitted at this tick, each with its origin."""
 
 
 class DiffDriveController:
-    """Two driven wheels that obey one commander at a time; settings are replaced as a whole, never changed."""
+    """Two driven wheels that follow one commander at a time; the configuration is only replaced as a whole."""
 
     def __init__(
         self, config: DriveConfig, command_sources: CommandSources, delays: TransitDelayEstimator, log: Log
@@ -43,19 +43,19 @@ class DiffDriveController:
         self.reset()
 
     def reset(self) -> None:
-        """Stand still and forget all commands."""
+        """Stand still and discard all commands."""
         self.arbiter.clear()
         self._state, self._force_update = AT_REST, False
         self.idle_until: float = _NOT_IDLE
-        """Until when [ns] ``step`` changes nothing, unless something comes."""
+        """The time [ns] until which ``step`` changes nothing, unless an input arrives."""
         self._pid_states = (INITIAL_PID_STATE, INITIAL_PID_STATE)
 
     def apply_commands(self, batch: ReceivedCommands, now: int, lockstep_members: set[bytes], factor: float) -> None:
-        """Offer commands to the arbiter.
+        """Pass commands to the arbiter.
 
-        Publishers in lockstep (``lockstep_members``, ids of members) are on time by construction; the age of all other
-        commands is measured in wall time and turned into simulation time by ``factor``. A command with a stamp is as
-        old as that says, too.
+        Commands of lockstep members (``lockstep_members``, ids of members) are on time by construction; the age of all
+        others is measured in wall time and converted to simulation time by ``factor``. A command with a stamp is at
+        least as old as its stamp.
         """
         self.idle_until = _NOT_IDLE
         for command, origin in batch:
@@ -91,18 +91,18 @@ class DiffDriveController:
             )
 
     def publisher_lost(self, source: bytes, now: int) -> None:
-        """The publisher ``source`` is gone: what it commanded counts no more."""
+        """Discard the command of the publisher ``source``, which is gone."""
         self.idle_until = _NOT_IDLE
         self.arbiter.publisher_lost(source, now)
 
     def stop(self, on: bool) -> None:
-        """Brake and stay, or obey commands again that come from now on."""
+        """Brake and stay stopped; or, with ``on`` false, follow commands again that arrive from now on."""
         if self.arbiter.e_stopped != on:
             self.idle_until = _NOT_IDLE
             self.arbiter.set_e_stop(on)
 
     def step(self, now: int) -> tuple[float, float] | None:
-        """The wheels' new target speeds [rad/s] for the step that begins at ``now``; None when they stay."""
+        """Return the wheels' new target speeds [rad/s] for the step that begins at ``now``; None if unchanged."""
         if now <= self.idle_until:
             return None
         decision = self.arbiter.decide(now)
@@ -115,7 +115,7 @@ class DiffDriveController:
         return wheel_speeds(self.drive, state)
 
     def torques(self, speeds: Sequence[float]) -> tuple[float, float]:
-        """The wheels' torques [N m] for one step, where a PID drives them that now turn at ``speeds`` [rad/s]."""
+        """Return the torques [N m] of PID-driven wheels for one step; they currently turn at ``speeds`` [rad/s]."""
         gains = self.config.gains
         assert gains is not None
         wanted, (left, right) = wheel_speeds(self.drive, self._state), self._pid_states
@@ -125,19 +125,19 @@ class DiffDriveController:
         return one, other
 
     def reconfigure(self, config: DriveConfig, now: int) -> None:
-        """Replace all settings from the step that begins at ``now`` [ns] on."""
+        """Replace the configuration, from the step that begins at ``now`` [ns] on."""
         self.config, self.drive, self.live = config, config.drive, config.live
         self.arbiter.reconfigure(config.timeout, config.exclusive, now)
         self.idle_until, self._force_update = _NOT_IDLE, True
 
     @property
     def steer(self) -> float:
-        """The angle of steered wheels, of one in their middle, rad."""
+        """The steering angle, that of the virtual middle wheel, rad."""
         return self._state.steer
 
     @property
     def planar_velocity(self) -> tuple[float, float, float]:
-        """The limited command of a holonomic base: forwards and sideways [m/s], turning [rad/s]."""
+        """The limited command of a holonomic base: forward and sideways [m/s], turn rate [rad/s]."""
         return self._state.v, self._state.vy, self._state.w
 
     @property
@@ -148,7 +148,7 @@ class DiffDriveController:
     def status(
         self, now: int, model: str, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...] = ()
     ) -> BaseStatus:
-        """What the base obeys and refuses, and what its robot hits."""
+        """Return the status of the base: the command it follows, its counts, and its collisions."""
         arbiter = self.arbiter
         source = arbiter.decide(now).source
         return BaseStatus(
@@ -177,9 +177,9 @@ class DiffDriveController:
         self._log.warn(f"a command of {node} is dropped: {why}", every=5.0)
 
     def _command_time(self, command: TwistStamped, made: int | None, now: int) -> int | None:
-        """When a command was made, ns, by its stamp and by its way; a stamp of 0 means that it has none.
+        """Return when a command was made, ns, by its stamp and its transit delay; a stamp of 0 means none.
 
-        A stamp from the future stays one, to be refused.
+        A stamp in the future is kept, so that the command is refused.
         """
         stamp = command.header.stamp.ns
         if stamp == 0:

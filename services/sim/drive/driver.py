@@ -1,7 +1,7 @@
 """From a velocity command to wheel speeds, once per physics step.
 
-A driver is three things: a frozen record of limits, a small state, and a pure function from one state to the next that
-returns the *same* state when nothing changes. Another kind of base brings its own three.
+A driver consists of a frozen record of limits, a small state, and a pure function from one state to the next that
+returns the *same* state when nothing changes. Another kind of base adds its own three.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from services.sim.drive.steering import Steering
 
 @dataclass(frozen=True)
 class Drive:
-    """What a command passes: the limits of the two axes, then the geometry, then the ramp of the wheels.
+    """The stages that a command passes: the limits of the two axes, the geometry, and the ramp of the wheels.
 
     ``stop_linear`` and ``stop_angular`` replace the limits while the base brakes, after a time-out or an emergency
-    stop. ``keep_curvature`` slows both axes together, so that a limited command bends as the wanted one does. A
-    ``holonomic`` base moves sideways, too, within the limits of ``linear``; others cannot. One with ``steering`` turns
-    as its steered wheels stand, and only while it drives.
+    stop. ``keep_curvature`` slows both axes together, so that a limited command keeps the curvature of the wanted one.
+    A ``holonomic`` base also moves sideways, within the limits of ``linear``. A base with ``steering`` turns by its
+    steered wheels, and only while it drives.
     """
 
     geometry: WheelGeometry
@@ -38,7 +38,7 @@ class Drive:
 
     @classmethod
     def of(cls, wheels: WheelConfig, *, clamp: bool = True, jump: float = 0.0) -> Drive:
-        """The TurtleBot3's driver: axes clamped to the hardware's speeds, or not, and wheels that ramp."""
+        """Return the TurtleBot3's driver: wheels with a ramp, axes limited to the hardware's speeds if ``clamp``."""
         v, w = (wheels.max_linear, wheels.max_angular) if clamp else (inf, inf)
         return cls(
             WheelGeometry(wheels.separation, wheels.radius, wheels.radius),
@@ -49,8 +49,8 @@ class Drive:
 
 
 class DriveState(NamedTuple):
-    """The limited command (m/s, rad/s), for jerk limits the one of the step before, the speeds of the rims, m/s, the
-    limited command sideways, m/s, and the angle of steered wheels, rad."""
+    """The limited command [m/s, rad/s], that of the step before (for jerk limits), the rim speeds [m/s], the limited
+    sideways command [m/s], and the steering angle [rad]."""
 
     v: float = 0.0
     w: float = 0.0
@@ -68,11 +68,10 @@ AT_REST = DriveState()
 def step_drive(
     drive: Drive, state: DriveState, v: float, w: float, braking: bool, dt: float, vy: float = 0.0
 ) -> DriveState:
-    """The state one step of ``dt`` [s] later under the command ``v`` [m/s], ``w`` [rad/s], ``vy`` [m/s] sideways.
+    """Return the state after ``dt`` [s] under the command ``v`` [m/s], ``w`` [rad/s], ``vy`` [m/s] sideways.
 
-    It is ``state`` itself when nothing changes.
-
-    Each axis is limited by itself. ``braking`` replaces the command by a standstill. 2 us; 6 with all limits.
+    It is ``state`` itself when nothing changes. Each axis is limited separately. ``braking`` replaces the command by
+    standstill. Takes 2 us; 6 us with all limits.
     """
     if drive.steering is not None:
         return _step_steered(drive, drive.steering, state, v, w, braking, dt)
@@ -97,7 +96,7 @@ def step_drive(
 def _step_steered(
     drive: Drive, steering: Steering, state: DriveState, v: float, w: float, braking: bool, dt: float
 ) -> DriveState:
-    """As ``step_drive``, for a base that turns by its steered wheels: w = v tan(angle) / wheelbase."""
+    """Like ``step_drive``, for a base that turns by its steered wheels: w = v tan(angle) / wheelbase."""
     if braking:
         v = w = 0.0
     linear = drive.stop_linear if braking else drive.linear
@@ -112,19 +111,19 @@ def _step_steered(
 
 
 def wheel_speeds(drive: Drive, state: DriveState) -> tuple[float, float]:
-    """The wheels' turn rates, left and right, rad/s."""
+    """Return the wheels' turn rates, left and right, rad/s."""
     return state.left / drive.geometry.left_radius, state.right / drive.geometry.right_radius
 
 
 def commanded_velocity(drive: Drive, state: DriveState) -> tuple[float, float]:
-    """The commanded wheel speeds, as speed [m/s] and turn rate [rad/s] of the base, after all limits."""
+    """Return the commanded wheel speeds, as speed [m/s] and turn rate [rad/s] of the base, after all limits."""
     if drive.ramp.acceleration == drive.ramp.brake == inf:
         return state.v, state.w
     return body_velocity(drive.geometry, state.left, state.right)
 
 
 def _scale_to_limits(drive: Drive, v: float, w: float) -> tuple[float, float]:
-    """The command made smaller as a whole until both axes may have it."""
+    """Scale down the command as a whole until both axes are within their velocity limits."""
     share = 1.0
     for wanted, axis in ((v, drive.linear), (w, drive.angular)):
         top = axis.max_velocity if wanted > 0 else -axis.min_velocity
@@ -136,7 +135,7 @@ def _scale_to_limits(drive: Drive, v: float, w: float) -> tuple[float, float]:
 def _keep_curvature(
     state: DriveState, wanted: tuple[float, float], allowed: tuple[float, float]
 ) -> tuple[float, float]:
-    """Both axes changed by the same share of their ways, that of the slower one; a smaller change breaks no limit."""
+    """Scale both axes' changes by the share that the slower one allows; a smaller change breaks no limit."""
     share = 1.0
     for now, goal, can in zip(state, wanted, allowed, strict=False):
         if goal != now:

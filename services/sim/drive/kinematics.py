@@ -1,11 +1,11 @@
-"""The kinematics of a differential drive: base speeds to wheel speeds and back, and the effect of wrong figures."""
+"""The kinematics of a differential drive: base speeds to wheel speeds and back, and the effect of wrong geometry."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 TOLERANCE = 0.02
-"""Share by which a configured figure may differ from the URDF's without a warning."""
+"""Relative deviation of a configured value from the URDF's that gives no warning."""
 
 
 @dataclass(frozen=True)
@@ -17,28 +17,28 @@ class WheelGeometry:
     right_radius: float
 
     def scaled(self, separation: float, left_radius: float, right_radius: float) -> WheelGeometry:
-        """With each figure multiplied, as a calibration finds it."""
+        """Return the geometry with each value multiplied, as found by a calibration."""
         return WheelGeometry(
             self.separation * separation, self.left_radius * left_radius, self.right_radius * right_radius
         )
 
 
 def rim_speeds(geometry: WheelGeometry, v: float, w: float) -> tuple[float, float]:
-    """The speeds of the rims, m/s: left = v - w b/2, right = v + w b/2."""
+    """Return the speeds of the rims, m/s: left = v - w b/2, right = v + w b/2."""
     half = w * geometry.separation / 2
     return v - half, v + half
 
 
 def body_velocity(geometry: WheelGeometry, left: float, right: float) -> tuple[float, float]:
-    """The forward speed [m/s] and turn rate [rad/s] that rim speeds make."""
+    """Return the forward speed [m/s] and turn rate [rad/s] that result from rim speeds."""
     return (left + right) / 2, (right - left) / geometry.separation
 
 
 def describe_mismatch(configured: WheelGeometry, built: WheelGeometry) -> str:
-    """What a driver that believes ``configured`` does to a base that is ``built``; empty within TOLERANCE.
+    """Describe how a base that is ``built`` moves if its driver assumes ``configured``; empty within TOLERANCE.
 
-    A wheel of radius r turned as if it had c rolls r/c of the way, so the base drives (r/c) v, and with the track b
-    believed to be d it turns (d/b)(r/c) w. Its wheel odometry believes the command.
+    A wheel of radius r driven as if it had radius c covers r/c of the distance, so the base drives (r/c) v; with the
+    track b assumed to be d it turns (d/b)(r/c) w. Its wheel odometry reports the command.
     """
     left, right = built.left_radius / configured.left_radius, built.right_radius / configured.right_radius
     track = configured.separation / built.separation

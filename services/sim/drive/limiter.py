@@ -9,15 +9,16 @@ from math import inf
 
 @dataclass(frozen=True)
 class AxisLimits:
-    """Limits of one axis, m/s or rad/s and their derivatives; inf where there is none.
+    """Limits of one axis, m/s or rad/s and their derivatives; inf for none.
 
-    Velocities lie in [``min_velocity``, ``max_velocity``], which holds 0. ``accelerate`` and ``decelerate`` bound how
-    fast a positive speed grows and falls, the two of ``reverse`` the size of a negative one; all are positive.
-    ROS 1's sign-blind [-b, a] is accelerate = decelerate_reverse = a, decelerate = accelerate_reverse = b.
+    Velocities are in [``min_velocity``, ``max_velocity``], which contains 0. ``accelerate`` and ``decelerate`` limit
+    how fast a positive speed rises and falls, the two ``reverse`` limits how fast the size of a negative speed does;
+    all are positive. ROS 1's sign-blind [-b, a] is accelerate = decelerate_reverse = a, decelerate = accelerate_reverse
+    = b.
 
-    ``min_jerk`` and ``max_jerk`` bound the change of acceleration: while the axis speeds up or slows down harder, as
-    ROS 2 does, so that no target is overshot. ``ros1_jerk`` bounds every change, at twice the figures, as ROS 1 does:
-    its acceleration falls too late, and the speed swings about its target.
+    ``min_jerk`` and ``max_jerk`` limit the change of acceleration, but only while the axis speeds up or slows down
+    harder, as in ROS 2, so that no target is overshot. ``ros1_jerk`` limits every change, at twice the figures, as in
+    ROS 1: its acceleration falls too late, and the speed swings about its target.
     """
 
     min_velocity: float = -inf
@@ -46,9 +47,9 @@ UNLIMITED = AxisLimits()
 
 
 def limit(axis: AxisLimits, wanted: float, last: float, before: float, dt: float) -> float:
-    """The speed one step of ``dt`` [s] after ``last``, as near to ``wanted`` as the limits allow.
+    """Return the speed one step of ``dt`` [s] after ``last``, as near to ``wanted`` as the limits allow.
 
-    ``before`` is the speed one step before ``last``. All are judged on the commanded series, not on measured speeds.
+    ``before`` is the speed one step before ``last``. Limits apply to commanded speeds, not to measured ones.
     """
     speed = wanted
     if axis.limits_jerk:
@@ -60,7 +61,7 @@ def limit(axis: AxisLimits, wanted: float, last: float, before: float, dt: float
 
 
 def braking_limits(axis: AxisLimits, brake: float) -> AxisLimits:
-    """The axis while it comes to a stop at ``brake``: an emergency knows no jerk."""
+    """Return the limits of the axis while it stops with the deceleration ``brake``; jerk is unlimited then."""
     return AxisLimits(
         axis.min_velocity, axis.max_velocity, axis.accelerate, brake, axis.accelerate_reverse, decelerate_reverse=brake
     )
@@ -81,12 +82,13 @@ def _limit_jerk(axis: AxisLimits, wanted: float, last: float, before: float, dt:
 def _limit_acceleration(axis: AxisLimits, wanted: float, last: float, dt: float) -> float:
     if last > 0.0 or (last == 0.0 and wanted > 0.0):
         return _approach(wanted, last, axis.accelerate, axis.decelerate, axis.accelerate_reverse, dt)
-    # Seen in a mirror; a difference, because the negative of 0.0 is -0.0.
+    # Mirrored; a difference, because the negative of 0.0 is -0.0.
     return 0.0 - _approach(-wanted, -last, axis.accelerate_reverse, axis.decelerate_reverse, axis.accelerate, dt)
 
 
 def _approach(wanted: float, last: float, up: float, down: float, beyond: float, dt: float) -> float:
-    """``last`` >= 0 moved toward ``wanted``: up, down, and ``beyond`` zero with what is left of the step."""
+    """Move ``last`` >= 0 toward ``wanted``: by ``up`` or ``down``, and past zero by ``beyond`` for the rest of
+    ``dt``."""
     if wanted >= last:
         return min(wanted, last + up * dt)
     lowest = last - down * dt
@@ -98,10 +100,10 @@ def _approach(wanted: float, last: float, up: float, down: float, beyond: float,
 
 @dataclass(frozen=True)
 class WheelRamp:
-    """How fast a wheel's rim changes its speed, m/s2: under command, and to a stop; inf: at once.
+    """Limits of the acceleration of a wheel's rim, m/s2: under command, and when braking; inf for none.
 
-    ``jump`` [m/s] turns on the plugin's rule: when either wheel is nearer than this to its target, both take their
-    targets at once. 0 turns it off: no wheel ever changes faster than the ramp.
+    ``jump`` [m/s] turns on the rule of Gazebo's plugin: if either wheel is nearer than this to its target, both jump to
+    their targets. 0 turns it off: no wheel ever changes faster than the ramp.
     """
 
     acceleration: float = inf
@@ -110,11 +112,11 @@ class WheelRamp:
 
 
 NO_RAMP = WheelRamp()
-"""Wheels that take any speed at once."""
+"""Wheels without a limit of acceleration."""
 
 
 def ramp_toward(now: float, goal: float, most: float) -> float:
-    """One rim's speed, moved from ``now`` toward ``goal`` by at most ``most`` [m/s]."""
+    """Return a rim's speed, moved from ``now`` toward ``goal`` by at most ``most`` [m/s]."""
     way = goal - now
     return goal if abs(way) <= most else now + (most if way > 0 else -most)
 
@@ -122,7 +124,7 @@ def ramp_toward(now: float, goal: float, most: float) -> float:
 def ramp_wheels(
     ramp: WheelRamp, left: float, right: float, goals: tuple[float, float], stopping: bool, dt: float
 ) -> tuple[float, float]:
-    """The rim speeds, left and right, m/s, one step of ``dt`` [s] later, judged on the commanded series."""
+    """Return the rim speeds, left and right, m/s, after ``dt`` [s]; based on commanded, not measured speeds."""
     goal_left, goal_right = goals
     most = (ramp.brake if stopping else ramp.acceleration) * dt
     if abs(goal_left - left) < ramp.jump or abs(goal_right - right) < ramp.jump:

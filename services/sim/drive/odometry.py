@@ -1,4 +1,4 @@
-"""Odometry of one robot: integration of wheel angles or commands, its messages, and when they are published."""
+"""Odometry of one robot: integration of wheel angles or commands, its messages, and when they are due."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ from services.sim.moment import Moment
 from services.sim.physics.world import BodyHandle, BodyState
 
 MIN_INTERVAL_S = 1e-4
-"""Over an interval shorter than this a distance is known but no speed."""
+"""Over a shorter interval the distance is updated, but no speed is computed."""
 
 Velocity = tuple[float, float]
 """Speed [m/s] and turn rate [rad/s]."""
 
 
 class OdometryState(NamedTuple):
-    """A pose found by counting: x, y [m], heading [rad] without bounds; the speeds v [m/s] and w [rad/s], the mean over
-    ``recent``; and the wheel angles [rad] where the last interval ended."""
+    """Counted odometry: x, y [m], unbounded heading [rad]; the speeds v [m/s] and w [rad/s], the mean over ``recent``;
+    and the wheel angles [rad] at the end of the last interval."""
 
     x: float
     y: float
@@ -54,19 +54,19 @@ class OdometryState(NamedTuple):
 
     @property
     def pose(self) -> Pose2:
-        """Where it is."""
+        """The counted pose."""
         return Pose2(self.x, self.y, self.heading)
 
 
 def initial_odometry(left: float, right: float, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> OdometryState:
-    """A track that begins at rest at the given pose, with the wheels at the angles ``left`` and ``right`` [rad]."""
+    """Return odometry at rest at the given pose, with the wheels at the angles ``left`` and ``right`` [rad]."""
     return OdometryState(x, y, heading, 0.0, 0.0, left, right)
 
 
 def integrate_encoders(
     odometry: OdometryState, left: float, right: float, dt: float, geometry: WheelGeometry, window: int = 1
 ) -> OdometryState:
-    """The track after the wheels turned on to the angles ``left`` and ``right`` [rad] in ``dt`` > 0 [s].
+    """Return the odometry after the wheels turned to the angles ``left`` and ``right`` [rad] in ``dt`` > 0 [s].
 
     Its speeds are the mean over the last ``window`` intervals. Angles that are not finite change nothing.
     """
@@ -90,13 +90,13 @@ def integrate_encoders(
 
 
 def integrate_commands(odometry: OdometryState, v: float, w: float, dt: float) -> OdometryState:
-    """The track after the limited command ``v`` [m/s], ``w`` [rad/s] was carried out for ``dt`` [s]: open loop."""
+    """Return the odometry after the limited command ``v`` [m/s], ``w`` [rad/s] has acted for ``dt`` [s]: open loop."""
     x, y, heading = integrate_arc(odometry.x, odometry.y, odometry.heading, v * dt, w * dt)
     return odometry._replace(x=x, y=y, heading=heading, v=v, w=w)
 
 
 def integrate_arc(x: float, y: float, heading: float, length: float, turn: float) -> Pose2:
-    """The pose after an arc of ``length`` [m] that turns by ``turn`` [rad]; exact for constant speeds.
+    """Return the pose after an arc of ``length`` [m] that turns by ``turn`` [rad]; exact for constant speeds.
 
     Its chord is length sin(turn/2) / (turn/2) long and points along heading + turn/2. ROS integrates the same arc, but
     takes a mid-heading step below 1e-6 rad; the chord needs no such case.
@@ -108,34 +108,33 @@ def integrate_arc(x: float, y: float, heading: float, length: float, turn: float
 
 
 ZERO_COVARIANCE = covariance(0, 0, 0, 0, 0, 0)
-"""Of ground truth."""
+"""The covariance of ground truth."""
 
 PLANAR_COVARIANCE = covariance(1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
-"""Of a pose from odometry: x and y, then three axes that a base does not measure, then yaw. The figures of Gazebo's
-``libgazebo_ros_diff_drive``, which gives its twist ``ZERO_COVARIANCE``."""
+"""The covariance of a pose from odometry: x and y, then three axes that a base does not measure, then yaw. The values
+are those of Gazebo's ``libgazebo_ros_diff_drive``, which gives its twist ``ZERO_COVARIANCE``."""
 
 
 def body_pose(state: BodyState) -> Pose:
-    """The pose of a body in the world."""
+    """Return the pose of a body in the world."""
     return Pose3(state.position, state.orientation).to_msg()
 
 
 def body_twist(state: BodyState) -> Twist:
-    """The velocity of a body in its own axes."""
+    """Return the velocity of a body in its own axes."""
     vx, vy, vz = rotate_inverse(state.orientation, state.linear)
     wx, wy, wz = rotate_inverse(state.orientation, state.angular)
     return Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
 
 
 Motion = tuple[float, ...]
-"""Thirteen numbers of an ``Odometry``: position [m], orientation, velocity [m/s] and turn rate [rad/s]."""
+"""The thirteen numbers of an ``Odometry``: position [m], orientation, velocity [m/s] and turn rate [rad/s]."""
 
 
 def world_motions(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The true motion of bases, shape (n, 13), from their states of the same shape: pose in the world, twist in its own
-    axes.
+    """Return the true motion of bases, pose in the world and twist in their own axes, from their states, both (n, 13).
 
-    With ``PLANAR_COVARIANCE`` it is what the TurtleBot3's plugin calls odometry: not relative to the place of spawning.
+    With ``PLANAR_COVARIANCE`` this is what the TurtleBot3's plugin calls odometry: not relative to the spawn pose.
     """
     rows: Any = states.T
     turn = rows[3:7]
@@ -143,26 +142,26 @@ def world_motions(states: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def counted_motion(odometry: OdometryState) -> Motion:
-    """The pose by the wheels, on level ground."""
+    """Return counted odometry as a motion on level ground."""
     x, y, heading, v, w, *_ = odometry
     return x, y, 0.0, 0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2), v, 0.0, 0.0, 0.0, 0.0, w
 
 
 class OdometrySample(NamedTuple):
-    """Odometry at one instant: what was counted, or where the body is; nothing is computed until it is asked for."""
+    """Odometry at one instant: counted, or the true state of the body; nothing is computed until it is needed."""
 
     state: OdometryState | BodyState
 
     @property
     def pose(self) -> tuple[float, ...]:
-        """Position and orientation alone, seven numbers."""
+        """Position and orientation, seven numbers."""
         if isinstance(self.state, BodyState):
             return *self.state.position, *self.state.orientation
         return counted_motion(self.state)[:7]
 
 
 def odometry_motions(samples: Sequence[OdometrySample]) -> NDArray[np.float64]:
-    """Odometry as it is published, a row of thirteen numbers each."""
+    """Return odometry as it is published, a row of thirteen numbers each."""
     states = [each.state for each in samples]
     in_world = [isinstance(each, BodyState) for each in states]
     motions = np.array([each.numbers if isinstance(each, BodyState) else counted_motion(each) for each in states])
@@ -174,7 +173,7 @@ def odometry_motions(samples: Sequence[OdometrySample]) -> NDArray[np.float64]:
 def odometry_message(
     header: Header, child: str, motion: Sequence[float], pose_covariance: Packed36, twist_covariance: Packed36
 ) -> Odometry:
-    """A motion as a message; the twist is in the frame ``child``."""
+    """Return a motion as a message; the twist is in the frame ``child``."""
     x, y, z, i, j, k, w, vx, vy, vz, wx, wy, wz = motion
     pose = Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=i, y=j, z=k, w=w))
     twist = Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
@@ -187,14 +186,14 @@ def odometry_message(
 
 
 ROUNDING = 1e-6
-"""Of a period; what is nearer to its end is its end."""
+"""As a share of a period; a time this close to the end of a period counts as its end."""
 
 
 class Odometer:
-    """Keeps the ``state`` of odometry that counts; None where odometry is the true pose in the world.
+    """The odometry of one robot. ``state`` is what it has counted; None if odometry is the true pose in the world.
 
-    ``offset`` is where the odometry's frame lies now, seen from where it was at the start: in the world with
-    ``config.in_world``, else where the robot stood. ``seed`` is that of the run, from which its error is drawn.
+    ``offset`` is the current pose of the odometry frame relative to its initial one: the world's origin with
+    ``config.in_world``, else the robot's start pose. ``seed`` is the run's seed, from which the error is drawn.
     """
 
     def __init__(
@@ -209,7 +208,7 @@ class Odometer:
         self.joint_count = len(body.joints)
         self._draws = draw_errors(seed, name)
         self._assumed: tuple[Drive, WheelGeometry] | None = None
-        """A drive, and what its wheels are taken for."""
+        """A drive, and the wheel geometry that odometry assumes for it."""
         self.reconfigure(settings)
         if controller is not None:
             config = controller.config
@@ -221,7 +220,7 @@ class Odometer:
         self.reset()
 
     def reset(self) -> None:
-        """Start counting here, from the current angles of the wheels."""
+        """Restart counting here, from the current wheel angles."""
         counts = self._controller is not None and self.config.source != "world"
         here = body_pose(self._body.state()) if counts and self.config.in_world else None
         start = IDENTITY if here is None else Pose2.from_msg(here)
@@ -231,7 +230,7 @@ class Odometer:
         self.reset_phase()
 
     def update_from_commands(self) -> None:
-        """Follow a physics step that comes, where commands are what counts."""
+        """Integrate the command of the coming physics step, if odometry is open loop."""
         if self.state is not None and self._controller is not None and self.config.source == "open loop":
             self.state = integrate_commands(self.state, *self._controller.commanded_velocity, STEP_S)
 
@@ -241,7 +240,7 @@ class Odometer:
         return self.state is not None and self._controller is not None and self.config.source == "encoder"
 
     def update_from_encoders(self, now: int, angles: Sequence[float]) -> None:
-        """Follow the wheels until ``now`` [ns], where the ``joint_count`` joints stand at ``angles`` [rad]."""
+        """Integrate the wheel angles up to ``now`` [ns], where the ``joint_count`` joints are at ``angles`` [rad]."""
         if 0 <= self._last_update < now:
             assert self.state is not None
             assert self._controller is not None
@@ -254,10 +253,10 @@ class Odometer:
         self._last_update = now
 
     def due(self, now: int, rate: float) -> bool:
-        """Whether a message goes out at ``now`` [ns] when ``rate`` [Hz] go out; asked at every control tick.
+        """Return whether a message is due at ``now`` [ns] at ``rate`` [Hz]; call it at every control tick.
 
-        The average rate is exact, as in ROS, and counts from time 0: at 25 Hz odometry has the stamps of ground truth,
-        whenever the robot was spawned.
+        The average rate is exact, as in ROS, and counts from time 0: at 25 Hz odometry has the same stamps as ground
+        truth, whenever the robot was spawned.
         """
         if rate <= 0:
             return False
@@ -268,11 +267,11 @@ class Odometer:
         return self._slot > before
 
     def sample(self, moment: Moment) -> OdometrySample:
-        """Odometry as it is at this moment."""
+        """Return the odometry at this moment."""
         return OdometrySample(moment.state(self._name) if self.state is None else self.state)
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
-        """Count from (x [m], y [m], heading [rad]) on; raises BadInput where odometry is the true pose."""
+        """Continue counting from (x [m], y [m], heading [rad]); raises BadInput if odometry is the true pose."""
         if self.state is None:
             raise BadInput(
                 f"the odometry of {self._name} is its true pose in the world, which cannot be set: move the model with "
@@ -283,7 +282,7 @@ class Odometer:
         self.state = self.state._replace(x=x, y=y, heading=heading)
 
     def reconfigure(self, settings: OdometryConfig) -> None:
-        """Tell it with other covariances, over another window, with another error; the source stays what it was."""
+        """Change covariances, averaging window and error; the source stays the same."""
         self.config = settings
         self.error = odometry_error(settings.error, settings.error_multiple, self._draws)
         self._assumed = None
@@ -291,7 +290,7 @@ class Odometer:
         self.twist_covariance: Packed36 = ZERO_COVARIANCE if settings.twist is None else settings.twist
 
     def reset_phase(self) -> None:
-        """Recompute the phase of the rate, as after a change of the rate."""
+        """Recompute the phase of publishing, e.g. after a change of the rate."""
         self._slot = None
 
     def _angles(self) -> tuple[float, float]:
@@ -300,7 +299,7 @@ class Odometer:
 
 
 def _mean(values: Sequence[float], chosen: tuple[tuple[int, float], ...]) -> float:
-    """The mean of the chosen ones, each by its index and its sign."""
+    """Return the mean of the values chosen by index, each multiplied by its sign."""
     total = 0.0
     for index, sign in chosen:  # sum() rounds otherwise from Python 3.12 on
         total += values[index] * sign

@@ -1,4 +1,4 @@
-"""The motion of a holonomic base, whose velocity is set as it is commanded."""
+"""The motion of a holonomic base, whose commanded velocity is set directly."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from services.sim.physics.world import BodyHandle
 
 
 def set_planar_velocity(body: BodyHandle, ahead: float, sideways: float, turn: float) -> None:
-    """Set the velocity of a body in its own axes, m/s and rad/s; how it falls and tilts is left to physics."""
+    """Set the velocity of a body in its own axes, m/s and rad/s; falling and tilting are left to physics."""
     state = body.state()
     x, y, _ = rotate(state.orientation, (ahead, sideways, 0.0))
     body.set_velocity((x, y, state.linear[2]), (state.angular[0], state.angular[1], turn))

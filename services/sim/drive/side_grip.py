@@ -1,9 +1,9 @@
-"""The sideways grip of a base that skids: it acts as a whole in the middle of the wheels.
+"""The sideways grip of a skid-steered base, as one force in the middle of its wheels.
 
-With the engine's own friction, wheels that slip sideways let a base with four of them turn at 0.15 to 0.75 of the
-commanded rate, by heading and speed. So the wheels of such a base have next to no friction along their axles, and what
-all of them together give against sliding sideways is a force here. Measured, it turns as its track and the speeds of
-its wheels say, within 0.1 %, and drives straight within 0.01 %.
+With the engine's own friction, wheels that slip sideways make a base with four of them turn at 0.15 to 0.75 of the
+commanded rate, depending on heading and speed. So the wheels of such a base have almost no friction along their axles,
+and their combined resistance to sliding sideways is a force here. Measured, the base then turns as its track and wheel
+speeds predict, within 0.1 %, and drives straight within 0.01 %.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from services.sim.physics.world import GRAVITY, BodyHandle
 
 
 class SideGrip:
-    """Holds a body against sliding sideways at ``point`` [m, in the root's frame] with the coefficient ``friction``."""
+    """Keeps a body from sliding sideways at ``point`` [m, in the root's frame], with the coefficient ``friction``."""
 
     def __init__(self, body: BodyHandle, point: Vector, friction: float) -> None:
         self._body, self._point, self._root = body, point, body.links[0]
@@ -22,7 +22,7 @@ class SideGrip:
         self._most = friction * self._mass * GRAVITY
 
     def step(self) -> None:
-        """Act for one physics step: with the force that ends the sliding in it, or the most that friction gives."""
+        """Apply the force for one physics step: what ends the sliding within it, or the most that friction gives."""
         state = self._body.state()
         x, y, z = rotate(state.orientation, self._point)
         (vx, vy, vz), (wx, wy, wz) = state.linear, state.angular

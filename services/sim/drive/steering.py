@@ -1,4 +1,4 @@
-"""The steered wheels of a base that drives as a car does, by Ackermann's geometry."""
+"""The steered wheels of a base with Ackermann steering."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from services.runtime.step import STEP_NS
 from services.sim.physics.world import BodyHandle
 
 GAIN = 0.5
-"""Share of what is missing to an angle that a step makes up for: with 1, wheels tremble."""
+"""Share of the angle error that is corrected in one step; with 1, wheels tremble."""
 
 
 @dataclass(frozen=True)
 class Steering:
-    """How a base steers: by one angle, that of a wheel in the middle, ``wheelbase`` [m] ahead of the driven axle.
+    """Steering by one angle: that of a virtual wheel in the middle, ``wheelbase`` [m] ahead of the driven axle.
 
-    The base then turns about a point on the line of that axle, with the curvature tan(angle) / wheelbase. ``angle`` is
-    at most ``max_angle`` [rad] and changes at ``rate`` [rad/s].
+    The base turns about a point on the line of that axle, with the curvature tan(angle) / wheelbase. ``angle`` is at
+    most ``max_angle`` [rad] and changes at ``rate`` [rad/s].
     """
 
     wheels: tuple[SteeredWheel, ...]
@@ -28,29 +28,30 @@ class Steering:
 
     @classmethod
     def of(cls, config: SteeringConfig) -> Steering:
-        """That of a model."""
+        """Return the steering of a model."""
         wheelbase = max(abs(each.ahead) for each in config.wheels)
         return cls(config.wheels, wheelbase, math.atan(wheelbase * config.max_curvature), config.rate)
 
     def curvature(self, angle: float) -> float:
-        """Of the path at an angle, 1/m, to the left positive."""
+        """Return the curvature of the path at an angle, 1/m, positive to the left."""
         return math.tan(angle) / self.wheelbase
 
     def goal(self, v: float, w: float, now: float) -> float:
-        """The angle [rad] for a command [m/s, rad/s]; that of ``now`` for none, the largest for a turn on the spot."""
+        """Return the angle [rad] for a command [m/s, rad/s]: ``now`` for zero, the largest for a turn on the spot."""
         if not v:
             return math.copysign(self.max_angle, w) if w else now
         return max(-self.max_angle, min(self.max_angle, math.atan(self.wheelbase * w / v)))
 
     def toward(self, goal: float, now: float, dt: float) -> float:
-        """The angle ``dt`` [s] after ``now`` on its way to ``goal``, rad."""
+        """Return the angle [rad] that is reached ``dt`` [s] after ``now`` on the way to ``goal``."""
         most = self.rate * dt
         return goal if abs(goal - now) <= most else now + math.copysign(most, goal - now)
 
     def wheel_angles(self, angle: float) -> tuple[float, ...]:
-        """The angles of the steering joints, rad: each wheel stands at right angles to the way to the turning point.
+        """Return the angles of the steering joints, rad: each wheel is perpendicular to the line to the turning point.
 
-        tan(a) = k x / (1 - k y) with the curvature k and the wheel's place (x, y) seen from the middle of the axle.
+        tan(a) = k x / (1 - k y), with the curvature k and the wheel's position (x, y) relative to the middle of the
+        axle.
         """
         k = self.curvature(angle)
         angles = (math.atan(k * each.ahead / (1 - k * each.left)) for each in self.wheels)
@@ -58,14 +59,14 @@ class Steering:
 
 
 class SteeringServo:
-    """Turns the steered wheels of a body by the speeds of their motors."""
+    """Turns the steered wheels of a body by their motors' speeds."""
 
     def __init__(self, body: BodyHandle, steering: Steering) -> None:
         self._body, self._steering = body, steering
         self._places = tuple(body.joints.index(each.joint) for each in steering.wheels)
 
     def speeds(self, angle: float) -> tuple[float, ...]:
-        """The speeds [rad/s] of the steering joints for one step, toward the angle of the middle wheel."""
+        """Return the speeds [rad/s] of the steering joints for one step, toward the angle of the middle wheel."""
         now, dt = self._body.joint_readings().position, STEP_NS / 1e9
         most = 3 * self._steering.rate
         wanted = zip(self._places, self._steering.wheel_angles(angle), strict=True)

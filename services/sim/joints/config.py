@@ -17,7 +17,7 @@ from services.sim.physics.world import JointFriction
 
 @dataclass(frozen=True)
 class JointConfig:
-    """How efforts on the joints of a robot become one, and what each joint resists.
+    """The rule by which efforts on joints are combined, and the friction of each joint.
 
     ``warnings`` name values of URDF and parameters that are probably mistakes.
     """
@@ -28,7 +28,7 @@ class JointConfig:
 
 
 def joint_config(model: str, parameters: JointParameters) -> JointConfig:
-    """The terms of a robot of the model ``model``."""
+    """Return the joint configuration of a robot of the model ``model``."""
     rule = EffortRule(parameters.effort_mode, parameters.effort_clamp, parameters.velocity_rule)
     damping, friction = parameters.damping, parameters.friction
     joint_friction = {
@@ -41,7 +41,7 @@ def joint_config(model: str, parameters: JointParameters) -> JointConfig:
 
 
 def with_urdf_defaults(model: str, parameters: JointParameters) -> JointParameters:
-    """The parameters with the URDF's figures where they have None and all joints have the same figure."""
+    """Fill in the URDF's values where the parameters have None and all joints have the same value."""
     figures = {}
     for name in ("damping", "friction"):
         every = {getattr(limits, name) for limits in read_joint_limits(model).values()}
@@ -51,7 +51,7 @@ def with_urdf_defaults(model: str, parameters: JointParameters) -> JointParamete
 
 
 def check_positions(model: str, joints: Mapping[str, float]) -> None:
-    """Check positions [rad or m] against the joints of a model and their limits; raises BadInput."""
+    """Check positions [rad or m] against a model's joints and their limits; raises BadInput."""
     known = read_joint_limits(model)
     for joint, position in joints.items():
         if joint not in known:

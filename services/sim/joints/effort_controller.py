@@ -1,4 +1,4 @@
-"""The effort controller of a model's joints: the jobs on them, and the effort that results at each step."""
+"""The effort controller of a model's joints: the queued jobs, and the resulting effort at each step."""
 
 from __future__ import annotations
 
@@ -21,12 +21,15 @@ from services.sim.transit_delay import TransitDelayEstimator
 
 @dataclass(frozen=True)
 class EffortRule:
-    """How efforts become one, in our way or in Gazebo's.
+    """The rule by which efforts are combined, in our way or in Gazebo's.
 
-    ``mode``: ``replace`` lets the job act that began last, ``sum`` adds up all that act, as Gazebo does.
-    ``clamp``: ``net_effort`` holds what acts to the URDF's effort limit, ``each`` every job by itself, as Gazebo does.
-    ``velocity``: beyond the URDF's velocity limit, no effort acts along the motion. A limit of 0 is ``unspecified``, or
-    it is a limit, as in Gazebo (``gazebo``): then effort acts on a joint at rest, or against its motion.
+    ``mode``: with ``replace`` the job that began last acts, with ``sum`` all acting jobs add up, as in Gazebo.
+
+    ``clamp``: the URDF's effort limit applies to the ``total`` effort, or to ``each`` job, as in Gazebo.
+
+    ``velocity``: beyond the URDF's velocity limit, no effort acts along the motion. A limit of 0 counts as
+    ``unspecified``, or as a limit, as in Gazebo (``gazebo``): then effort acts only on a joint at rest, or against its
+    motion.
     """
 
     mode: Literal["replace", "sum"] = "replace"
@@ -35,9 +38,9 @@ class EffortRule:
 
 
 def net_effort(rule: EffortRule, limits: JointLimits, rate: float, efforts: Sequence[float]) -> float:
-    """The effort [N m or N] on a joint that moves at ``rate`` [rad/s or m/s], from the efforts of the acting jobs.
+    """Return the effort [N m or N] on a joint moving at ``rate`` [rad/s or m/s], from those of the acting jobs.
 
-    An effort limit of 0 leaves no effort at all, as in Gazebo.
+    With an effort limit of 0 there is no effort at all, as in Gazebo.
     """
     if rule.clamp == "each":
         return sum(_clamp_effort(rule, limits, rate, effort) for effort in efforts)
@@ -55,13 +58,13 @@ def _clamp_effort(rule: EffortRule, limits: JointLimits, rate: float, effort: fl
 
 
 MAX_LATENESS_S = 0.25
-"""How late, in simulation time, a job from the topic may come that is shorter than this or has no end."""
+"""Maximum lateness, in simulation time, of a job from the topic that is shorter than this or has no end."""
 LEAD_S = 1.0
-"""How far ahead a job from the topic may start: one that starts later was made before time was set back."""
+"""Maximum lead of a job from the topic: one that starts later was made before time was set back."""
 
 
 class JointEffortController:
-    """Takes jobs from the topic and from requests; ``applied`` is what acted in the last step, N m or N."""
+    """Applies jobs from the topic and from requests; ``applied_efforts`` acted in the last step, N m or N."""
 
     def __init__(
         self,
@@ -87,11 +90,11 @@ class JointEffortController:
     def apply_commands(
         self, topic: Subscriber[JointEffort], now: int, lockstep_members: set[bytes], factor: float
     ) -> None:
-        """Take the jobs that the topic admitted at ``now`` [ns]; what is refused counts as refused in its health.
+        """Queue the jobs that the topic admitted at ``now`` [ns]; refused ones are counted in its health.
 
-        Publishers in lockstep (``lockstep_members``, ids of members) are on time by construction. The age of all other
-        jobs is measured in wall time, turned into simulation time by ``factor`` and subtracted from their duration:
-        what waited in a frozen process is over, or ends when it would have ended.
+        Jobs of lockstep members (``lockstep_members``, ids of members) are on time by construction. The age of all
+        others is measured in wall time, converted to simulation time by ``factor`` and subtracted from their duration:
+        a job that waited in a frozen process is over, or ends when it would have ended.
         """
         for job, origin in topic.messages if not self.stopped else ():
             age, source = 0.0, b""
@@ -108,34 +111,38 @@ class JointEffortController:
                 self._log.warn(f"{topic.name}: {error}", every=1.0)
 
     def stop(self, on: bool) -> None:
-        """Drop all jobs, as Gazebo's effort joints get 0, and keep none that comes, or take jobs again."""
+        """Drop all jobs (Gazebo's effort joints get 0) and accept none; with ``on`` false, accept jobs again."""
         if on and not self.stopped:
             self.reset()
         self.stopped = on
 
     def add_job(self, job: JointEffort, now: int) -> str:
-        """Take a job at ``now`` [ns]; returns the note on its duration. Raises BadInput for a joint there is not."""
+        """Queue a job at ``now`` [ns]; return the note on its duration.
+
+        Raises:
+            BadInput: The joint does not exist, the robot is stopped, or too many jobs are queued.
+        """
         if self.stopped:
             raise BadInput(f"{self._name} is stopped: each publisher that stopped it must send e_stop = false")
         return self._add(job, job.duration, now, b"")
 
     def clear_jobs(self, joint: str) -> int:
-        """Drop the jobs of a joint; returns how many."""
+        """Drop the jobs of a joint; return how many."""
         return self.jobs(joint).clear()
 
     def publisher_lost(self, source: bytes) -> None:
-        """A publisher is gone: its jobs end when they end, and now if they have no end."""
+        """After the loss of a publisher, end its jobs that have no end of their own."""
         for jobs in self._jobs.values():
             jobs.publisher_lost(source)
 
     def jobs(self, joint: str) -> JobQueue[float]:
-        """The jobs of a joint; raises BadInput with the joints that there are."""
+        """Return the jobs of a joint; raises BadInput with the joints available."""
         if joint not in self._jobs:
             raise unknown_name("joint", joint, self._jobs, self._name)
         return self._jobs[joint]
 
     def step(self, now: int) -> None:
-        """Put on the joints what acts in the step that begins at ``now`` [ns]."""
+        """Apply the efforts of the step that begins at ``now`` [ns]."""
         acting = {joint: self._active_efforts(jobs, now) for joint, jobs in self._jobs.items() if jobs}
         if not any(acting.values()):
             if any(self.applied_efforts.values()):
@@ -160,7 +167,7 @@ class JointEffortController:
         return jobs.active(now) if self.effort_rule.mode == "sum" else jobs.latest(now)
 
     def _check(self, job: JointEffort, now: int, age: float) -> None:
-        """Raise BadInput for a job that is over, or that starts too far ahead."""
+        """Raise BadInput for a job that is over, or starts too far ahead."""
         start = job.start_time.ns
         if start > now + LEAD_S * 1e9:
             raise BadInput(

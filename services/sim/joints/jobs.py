@@ -1,4 +1,4 @@
-"""Jobs: values that act from one simulation time to another, and which of them act now."""
+"""Jobs: values that act during an interval of simulation time, and the queue of those on one joint or body."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from services.runtime.errors import BadInput
 T = TypeVar("T")
 
 MAX_JOBS = 1000
-"""Jobs that one joint or body keeps; a controller at 1 kHz with jobs of 0.1 s has 101."""
+"""Maximum number of jobs on one joint or body; a controller at 1 kHz with jobs of 0.1 s has 101."""
 
 
 @dataclass(frozen=True)
 class Job(Generic[T]):
     """``value`` acts on every physics step that begins at ``start`` <= time <= ``end`` [ns].
 
-    ``end`` is inf for a job that lasts until it is cleared. ``source`` is the publisher, empty for a request.
+    ``end`` is inf for a job that lasts until it is cleared. ``source`` is the publisher id, empty for a request.
     """
 
     value: T
@@ -30,11 +30,11 @@ class Job(Generic[T]):
 def schedule_job(
     value: T, start_ns: int, duration: float, now_ns: int, step_ns: int, source: bytes = b""
 ) -> tuple[Job[T], str]:
-    """The job, and a note where it acts otherwise than its ``duration`` [s] says.
+    """Return the job, and a note if it acts for another time than its ``duration`` [s].
 
-    A start in the past is now. A negative duration lasts until the job is cleared. Every job acts on one step at least,
-    also where none begins between its start and its end: so Gazebo's code does, though its documentation has a duration
-    of 0 do nothing.
+    A start in the past becomes now. A negative duration lasts until the job is cleared. Every job acts on at least one
+    step, even if none begins between its start and its end, as in Gazebo's code (its documentation has a duration of 0
+    do nothing).
     """
     start = max(start_ns, now_ns)
     if duration < 0:
@@ -46,7 +46,7 @@ def schedule_job(
 
 
 class JobQueue(Generic[T]):
-    """The jobs of one joint or body, in the order in which they begin."""
+    """The jobs of one joint or body, ordered by start."""
 
     def __init__(self) -> None:
         self._jobs: list[Job[T]] = []
@@ -55,7 +55,7 @@ class JobQueue(Generic[T]):
         return len(self._jobs)
 
     def add(self, job: Job[T]) -> None:
-        """Take a job; raises BadInput when there are too many. Among those of one start, the last to come is later."""
+        """Queue a job, after those with the same start; raises BadInput if MAX_JOBS are queued."""
         if len(self._jobs) >= MAX_JOBS:
             raise BadInput(f"{MAX_JOBS} jobs are waiting or acting, which is the limit: clear some first")
         place = len(self._jobs)
@@ -64,24 +64,24 @@ class JobQueue(Generic[T]):
         self._jobs.insert(place, job)
 
     def clear(self) -> int:
-        """Drop all; returns how many."""
+        """Drop all jobs; return how many."""
         count = len(self._jobs)
         self._jobs.clear()
         return count
 
     def publisher_lost(self, source: bytes) -> None:
-        """A publisher is gone: its jobs that last until cleared end now, the others at their own end."""
+        """After the loss of a publisher, end its jobs that last until cleared; the others keep their own end."""
         self._jobs = [job for job in self._jobs if job.source != source or job.end < inf]
 
     def active(self, now: int) -> list[T]:
-        """What acts on the step that begins at ``now`` [ns]; jobs that are over are dropped."""
+        """Return the values that act on the step that begins at ``now`` [ns], and drop jobs that are over."""
         if not self._jobs:
             return []
         self._jobs = [job for job in self._jobs if now <= job.end]
         return [job.value for job in self._jobs if job.start <= now]
 
     def latest(self, now: int) -> list[T]:
-        """As ``all``, but only the job that began last acts; those that began before it are dropped with it."""
+        """As ``active``, but only the job that began last acts; those that began before it are dropped."""
         if not self._jobs:
             return []
         begun = [job for job in self._jobs if job.start <= now]

@@ -1,4 +1,4 @@
-"""Motors of joints that a controller manager commands: they keep positions or velocities, or give efforts."""
+"""Motors of joints commanded by a controller manager: they keep positions or velocities, or apply efforts."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from services.sim.transit_delay import TransitDelayEstimator
 
 STEP_S = STEP_NS / 1e9
 POSITION_GAIN = 0.2
-"""Share of a position error that a motor takes back in one physics step; gz_ros2_control has 0.1."""
+"""Share of a position error that a motor corrects in one physics step; 0.1 in gz_ros2_control."""
 BRAKING_SHARE = 0.5
-"""Share of the effort limit that a motor counts on to stop in time; gravity and other joints take from the rest."""
+"""Share of the effort limit that a motor assumes for braking in time; gravity and other joints need the rest."""
 UNLIMITED_EFFORT = 1e6
-"""N m or N, of a joint whose URDF states no limit."""
+"""N m or N, for a joint whose URDF states no limit."""
 MAX_LEAD_NS = 50_000_000
-"""For so long after its stamp a position moves on at its rate without a new command."""
+"""Time after its stamp for which a position target keeps moving at its rate without a new command."""
 LOG_PERIOD_S = 5.0
 
 
 @dataclass(frozen=True)
 class _Driven:
-    """A target that came at ``stamp`` and holds until ``until`` [ns]; a position that is merely held has no end."""
+    """A target received at ``stamp``, valid until ``until`` [ns]; a position that is merely held has no end."""
 
     target: JointTarget
     stamp: int
@@ -40,11 +40,11 @@ class _Driven:
 
 
 class JointMotors:
-    """Drives joints as ``JointCommand`` says, within the URDF's limits of position, velocity and effort.
+    """Drives joints by ``JointCommand``, within the URDF's limits of position, velocity and effort.
 
-    A joint whose command is over is held where it is, or let go if it felt an effort. Joints that mimic a commanded one
-    follow it, as the URDF says, unless they are commanded themselves. While the robot is stopped, all joints that were
-    commanded are held, also those that felt an effort, as by a brake.
+    When its command is over, a joint is held where it is, or released if it was commanded by effort. Joints that mimic
+    a commanded one follow it, as in the URDF, unless they are commanded themselves. While the robot is stopped, all
+    joints that were commanded are held as by a brake, including those commanded by effort.
     """
 
     def __init__(
@@ -63,23 +63,23 @@ class JointMotors:
         self.joints = tuple(each.name for each in movable)
         """The joints that can be commanded."""
         self.commanded = False
-        """Whether a controller manager has ever sent something."""
+        """Whether a controller manager has ever sent a command."""
         self._stopped = False
         self._driven: dict[str, _Driven] = {}
         self._efforts: dict[str, float] = {}
         self._known: dict[str, None] = {}
-        """The joints that were commanded since the last reset."""
+        """The joints commanded since the last reset."""
 
     def reset(self) -> None:
-        """Forget all targets, where the world was reset."""
+        """Discard all targets after a reset of the world."""
         self._driven, self._efforts, self._known = {}, {}, {}
 
     def apply_commands(
         self, topic: Subscriber[JointCommand], now: int, lockstep_members: set[bytes], factor: float
     ) -> None:
-        """Take the commands that were admitted at ``now`` [ns]; what is refused counts so in the topic's health.
+        """Apply the commands admitted at ``now`` [ns]; refused ones are counted in the topic's health.
 
-        As with efforts, what publishers outside lockstep send ends earlier by the time that it was on its way.
+        As with efforts, commands of publishers outside lockstep end earlier by their transit time.
         """
         for command, origin in topic.messages:
             self.commanded = True
@@ -97,17 +97,17 @@ class JointMotors:
             self._replace(command, now, now + (command.duration - age) * 1e9, source, topic)
 
     def stop(self, on: bool) -> None:
-        """Hold all joints that were commanded where they are, and take no command, or take commands again."""
+        """Hold all joints that were commanded, and ignore commands; or, with ``on`` false, accept them again."""
         if on and not self._stopped:
             self._hold(tuple(self._known))
         self._stopped = on
 
     def publisher_lost(self, source: bytes) -> None:
-        """A publisher is gone: its joints are held, or let go, at once."""
+        """After the loss of a publisher, hold or release its joints at once."""
         self._end([joint for joint, each in self._driven.items() if each.source == source and each.until < inf])
 
     def readings(self, measured: JointReadings) -> JointReadings:
-        """The joints as measured, with the efforts of those that are commanded here."""
+        """Return the measured readings, with the efforts of the joints commanded here."""
         if not self._driven:
             return measured
         motors = dict(zip(self._body.joints, self._body.joint_readings().effort, strict=True))
@@ -163,7 +163,7 @@ class JointMotors:
             error = goal - position
             wanted = POSITION_GAIN * error / STEP_S
             if limits.effort is not None and inertia > 0:
-                # Faster than this, the limited effort could not stop it at the goal.
+                # At a higher speed, the limited effort could not stop it at the goal.
                 most = sqrt(2 * BRAKING_SHARE * limits.effort / inertia * abs(error))
                 wanted = max(-most, min(most, wanted))
             wanted += target.rate
@@ -172,7 +172,7 @@ class JointMotors:
     def _replace(
         self, command: JointCommand, now: int, until: float, source: bytes, topic: Subscriber[JointCommand]
     ) -> None:
-        """Take the targets of a command; those of its publisher that are not among them are over."""
+        """Set the targets of a command; other targets of the same publisher end."""
         stamp, named = command.header.stamp.ns, set()
         for target in command.targets:
             try:
@@ -199,7 +199,7 @@ class JointMotors:
             raise unknown_name("joint", joint, self.joints, self._name)
 
     def _end(self, joints: list[str]) -> None:
-        """The commands of these joints are over."""
+        """End the commands of these joints."""
         free = [joint for joint in joints if self._driven[joint].target.interface == "effort"]
         for joint in free:
             del self._driven[joint]
@@ -221,12 +221,12 @@ _TOTAL = EffortRule()
 
 
 def _strength(limits: JointLimits) -> float:
-    """The most effort of a joint's motor, N m or N."""
+    """Return the maximum effort of a joint's motor, N m or N."""
     return UNLIMITED_EFFORT if limits.effort is None else limits.effort
 
 
 def within(limits: JointLimits, position: float) -> float:
-    """The position [rad or m] within the limits of a joint."""
+    """Clamp a position [rad or m] to a joint's limits."""
     if limits.lower is not None and position < limits.lower:
         return limits.lower
     if limits.upper is not None and position > limits.upper:

@@ -1,4 +1,4 @@
-"""Wrenches on the links of all bodies: the jobs that are on them, applied at each step."""
+"""Wrenches on the links of all bodies: their queued jobs, applied at each step."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.sim.physics.world import World
 
 
 class LinkWrench(NamedTuple):
-    """A force [N] and a torque [N m] in the axes of ``frame``, the force at a point [m] of the link's own frame."""
+    """A force [N] and a torque [N m] in the axes of ``frame``; the force acts at ``point`` [m] in the link's frame."""
 
     force: Vector
     torque: Vector
@@ -22,27 +22,27 @@ class LinkWrench(NamedTuple):
 
 
 class LinkWrenches:
-    """All that act on a link add up, as in Gazebo."""
+    """The wrenches on links; those that act on one link add up, as in Gazebo."""
 
     def __init__(self, world: World, log: Log) -> None:
         self._world, self._log = world, log
         self._jobs: dict[ScopedName, JobQueue[LinkWrench]] = {}
 
     def add(self, link: ScopedName, job: Job[LinkWrench]) -> None:
-        """Take a job; raises BadInput when there are too many."""
+        """Queue a job; raises BadInput if too many are queued."""
         self._jobs.setdefault(link, JobQueue()).add(job)
 
     def clear(self, link: ScopedName) -> int:
-        """Drop the jobs of a link; returns how many."""
+        """Drop the jobs of a link; return how many."""
         jobs = self._jobs.pop(link, None)
         return 0 if jobs is None else len(jobs)
 
     def count(self, link: ScopedName) -> int:
-        """How many jobs wait or act on a link."""
+        """Return the number of jobs queued or acting on a link."""
         return len(self._jobs.get(link, ()))
 
     def remove_body(self, body: str) -> None:
-        """A body leaves the world."""
+        """Drop the jobs of a body that is deleted."""
         self._jobs = {link: jobs for link, jobs in self._jobs.items() if link.body != body}
 
     def reset(self) -> None:
@@ -50,7 +50,7 @@ class LinkWrenches:
         self._jobs.clear()
 
     def step(self, now: int) -> None:
-        """Apply what acts in the step that begins at ``now`` [ns]."""
+        """Apply the wrenches of the step that begins at ``now`` [ns]."""
         for link, jobs in list(self._jobs.items()):
             for wrench in jobs.active(now):
                 self._apply(link, wrench)

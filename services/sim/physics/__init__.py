@@ -1,1 +1,1 @@
-"""The physics engine: ``World``, a Protocol, and its implementations in PyBullet and in MuJoCo."""
+"""The physics engine: the Protocol ``World``, and its implementations in PyBullet and in MuJoCo."""

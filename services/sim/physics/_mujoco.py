@@ -1,4 +1,4 @@
-"""MuJoCo, imported without its OpenGL: that starts a process and takes a tenth of a second, for pictures alone."""
+"""Imports MuJoCo without its OpenGL, which starts a process and takes a tenth of a second, for images only."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _write_warning(warning: str) -> None:
     sys.stderr.write(f"MuJoCo warns: {warning}\n")
 
 
-# By itself it writes warnings and errors into MUJOCO_LOG.TXT in the current folder. Its errors are exceptions here.
+# By default it writes warnings and errors to MUJOCO_LOG.TXT in the current folder. Here its errors are exceptions.
 _logging = mujoco.MjLogConfig.get()
 _logging.logto_file = False
 _logging.set()

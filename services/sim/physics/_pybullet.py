@@ -1,4 +1,4 @@
-"""PyBullet, imported without what it prints."""
+"""Imports PyBullet without its output."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ __all__ = ["pybullet", "stdout_to_stderr"]
 
 
 def stdout_to_stderr() -> AbstractContextManager[None]:
-    """Send what C code prints to the standard output to the standard error: PyBullet prints when it dislikes a URDF,
-    and a service's standard output belongs to its reader."""
+    """Redirect what C code prints from the standard output to the standard error.
+
+    PyBullet prints about problems of a URDF, and a service's standard output belongs to its reader.
+    """
     return _redirected(1, 2)
 
 
 @contextmanager
 def _redirected(source: int, target: int) -> Iterator[None]:
-    """Send what C code writes to one file descriptor to another."""
+    """Redirect what C code writes from one file descriptor to another."""
     flush = ctypes.CDLL(None).fflush
     sys.stdout.flush()
     flush(None)
@@ -34,4 +36,4 @@ def _redirected(source: int, target: int) -> Iterator[None]:
 
 
 with open(os.devnull, "wb") as _nowhere, _redirected(2, _nowhere.fileno()), _redirected(1, _nowhere.fileno()):
-    import pybullet  # it tells when it was built
+    import pybullet  # prints its build time

@@ -1,4 +1,4 @@
-"""The world in PyBullet, and the pictures of its software renderer, which needs neither display nor GPU."""
+"""The world in PyBullet, with images from its software renderer, which needs neither display nor GPU."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ from services.sim.physics.world_bodies import ground_height
 SECOND = 1_000_000_000
 
 STANDING = 0.7
-"""Least vertical part of a contact's normal on a ramp or height map that is not a collision: cos 45 degrees."""
+"""Vertical part of a contact's normal above which standing on a ramp or height map is no collision: cos 45 degrees."""
 
 MOST_RAYS = 16_000
-"""Rays that the engine casts in one call."""
+"""Maximum number of rays that the engine casts in one call."""
 
 _AROUND = 12
-"""Directions in which the ground about a place is looked at."""
+"""Directions in which the ground around a point is sampled."""
 
 
 class BulletWorld:
-    """Implements ``World``. Opened by ``with``; bodies, obstacles and ground follow ``description``.
+    """Implements ``World``. Opened by ``with``; bodies, obstacles and ground come from ``description``.
 
-    Bodies are kept in the order of their spawning, since PyBullet's numbers depend on it: two robots swapped differ by
+    Bodies are kept in the order of their spawning, since PyBullet's results depend on it: two robots swapped differ by
     7e-6 m after 4 s.
     """
 
@@ -71,7 +71,7 @@ class BulletWorld:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All bodies, in the order of their spawning."""
+        """Names of all spawned bodies, in the order of their spawning."""
         return tuple(self._bodies)
 
     def body(self, name: str) -> BulletBody:
@@ -81,7 +81,7 @@ class BulletWorld:
 
     @property
     def world_bodies(self) -> tuple[str, ...]:
-        """The world's movable and moving bodies."""
+        """Names of the world's movable and moving bodies."""
         return tuple(self._world.handles)
 
     def world_body_state(self, name: str) -> BodyState:
@@ -90,11 +90,11 @@ class BulletWorld:
         return handle.state()
 
     def overlaps_at_start(self) -> tuple[str, ...]:
-        """Movable bodies that the world's file puts into something else: the first step throws them out."""
+        """Return the movable bodies that the world's file places inside others; the first step throws them out."""
         return self._collision_checker.overlaps_at_start()
 
     def ground_height(self, x: float, y: float, radius: float) -> float:
-        """The highest ground within ``radius`` of a place, m: that of ramps, height maps and floors, or 0."""
+        """Return the highest ground within ``radius`` of a point, m: of ramps, height maps and floors, or 0."""
         grounds, highest = self._world.grounds, 0.0
         if grounds:
             for step in range(_AROUND * 3):
@@ -104,7 +104,7 @@ class BulletWorld:
         return highest
 
     def spawn(self, body: Body) -> BulletBody:
-        """Add a body; raises BadInput for a taken name, an overlap, or a URDF without a motor's joint."""
+        """Add a body; raises BadInput for a taken name, an overlap, or a URDF that lacks a motor's joint."""
         if body.name in self._bodies:
             raise BadInput(f"a body named {body.name!r} is already in the world; delete it first")
         if body.name in self._world.names.values():
@@ -120,13 +120,13 @@ class BulletWorld:
         return added
 
     def delete(self, name: str) -> None:
-        """Take a body out."""
+        """Delete a body."""
         pybullet.removeBody(self.body(name).body_id, physicsClientId=self._client)
         self._collision_checker.remove(name)
         del self._bodies[name]
 
     def reset(self) -> None:
-        """Empty the client and load everything in the order of its spawning: bit for bit a fresh start."""
+        """Empty the client and load everything again in the order of spawning: bit for bit a fresh start."""
         pybullet.resetSimulation(physicsClientId=self._client)
         configure(self._client, self._step_ns / SECOND)
         self._load_world()
@@ -142,7 +142,7 @@ class BulletWorld:
         pybullet.stepSimulation(self._client)
 
     def set_state(self, name: str, state: BodyState) -> None:
-        """Move a body, or a movable one of the world; raises BadInput where it would overlap."""
+        """Move a body, or a movable one of the world; raises BadInput if it would overlap."""
         pose = Pose3(state.position, state.orientation)
         if name in self._world.handles:
             self._set_world_body_state(name, state)
@@ -153,7 +153,7 @@ class BulletWorld:
         body.set_velocity(state.linear, state.angular)
 
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
-        """Put joints at positions, at rest; raises BadInput where the body would overlap then."""
+        """Set joint positions, at rest; raises BadInput if the body would then overlap."""
         body = self.body(name)
         pose, joints = body.configuration
         for joint in positions:
@@ -181,14 +181,14 @@ class BulletWorld:
         return np.array(rows).reshape(-1, 13)
 
     def contacts(self) -> tuple[Contact, ...]:
-        """The pairs that touched in the last step; who stands on a ramp, say, does not touch it."""
+        """Return the pairs that touched in the last step; standing on a ramp, for example, does not count."""
         grounds = self._world.grounds
         named = {loaded.body_id: name for name, loaded in self._bodies.items()}
         everything = self._world.names | named
         pairs = set()
         for point in pybullet.getContactPoints(physicsClientId=self._client):
             one, other = point[1], point[2]
-            # Bullet lists what comes near, too; a touch has depth or transmits a force.
+            # Bullet also lists near misses; a contact has depth or transmits a force.
             if one in everything and other in everything and (point[8] <= 0 or point[9] > 0):
                 if abs(point[7][2]) > STANDING and not grounds.isdisjoint((one, other)):
                     continue
@@ -200,7 +200,10 @@ class BulletWorld:
         return tuple(sorted(pairs))
 
     def cast_rays(self, origins: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far rays get, as a fraction of their length; inf where nothing is hit. 360 rays take about 1 ms."""
+        """Cast rays; return the distance to the first hit as a fraction of each ray's length, inf without a hit.
+
+        360 rays take about 1 ms.
+        """
         fractions = np.empty(len(origins))
         for first in range(0, len(origins), MOST_RAYS):
             part = slice(first, first + MOST_RAYS)
@@ -211,7 +214,7 @@ class BulletWorld:
     def cast_fans(
         self, links: Sequence[tuple[str, str]], mount: Pose3, rays: NDArray[np.float64], near: float, far: float
     ) -> NDArray[np.float64]:
-        """How far the rays of equal sensors get; those of one with 360 take about 1 ms."""
+        """Cast the rays of identical sensors; the 360 rays of one take about 1 ms."""
         poses = [self.body(body).link_pose(link) for body, link in links]
         eyes = poses if mount == IDENTITY else [pose @ mount for pose in poses]
         turned = rays @ np.array([rotated_axes(each.orientation) for each in eyes])
@@ -221,11 +224,11 @@ class BulletWorld:
         return near + (far - near) * fractions
 
     def render(self, eye: Pose3, camera: CameraModel) -> bytes:
-        """A picture, drawn in software: 320 by 240 pixels take about 30 ms."""
+        """Render an image in software: 320 by 240 pixels take about 30 ms."""
         return render_image(self._client, eye, camera, self.description.lights[:1])
 
     def close(self) -> None:
-        """End both clients."""
+        """Close both clients."""
         self._collision_checker.close()
         pybullet.disconnect(physicsClientId=self._client)
 
@@ -247,7 +250,7 @@ class BulletWorld:
         self._collision_checker.check(name, configuration, others, self._places())
 
     def _places(self) -> dict[str, Pose3]:
-        """Where the world's movable and moving bodies are."""
+        """Return the poses of the world's movable and moving bodies."""
         states = {name: handle.state() for name, handle in self._world.handles.items()}
         return {name: Pose3(state.position, state.orientation) for name, state in states.items()}
 
@@ -261,7 +264,7 @@ def _load(body: BulletBody) -> None:
 
 
 def render_image(client: int, eye: Pose3, camera: CameraModel, lights: tuple[Light, ...] = ()) -> bytes:
-    """The picture seen from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel.
+    """Render the image from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel.
 
     The first of ``lights`` replaces PyBullet's own.
     """

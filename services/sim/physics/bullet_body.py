@@ -1,4 +1,4 @@
-"""A body in PyBullet: indices of its joints and links by name, and what acts on them."""
+"""A body in PyBullet: its joints and links by name, and the forces on them."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ class BulletBody:
         self._motors: tuple[int, ...] = ()
         self._joint_indices: tuple[int, ...] = ()
         self._links: dict[str, int] = {}
-        """Indices; that of the root is -1."""
+        """Indices of links; the root's is -1."""
         self._centre: Pose3 | None = None
-        """Where the principal axes of the root's inertia are in its frame; None where they are its axes."""
+        """The pose of the root's principal axes of inertia in its frame; None if both coincide."""
 
     def load(self) -> None:
-        """Load the body into a new or reset client, at rest; raises BadInput for a joint that it does not have."""
+        """Load the body into a new or reset client, at rest; raises BadInput if it lacks a joint that is named."""
         client, description = self._client, self.description
         self.body_id = load_urdf(client, description.urdf, description.pose, description.fixed)
-        # PyBullet tells and takes where the principal axes of the root's inertia are, not where its frame is.
+        # PyBullet reads and sets the pose of the root's principal axes of inertia, not of its frame.
         centre = Pose3(*pybullet.getDynamicsInfo(self.body_id, -1, client)[3:5])
         self._centre = None if centre == IDENTITY else centre
         count = pybullet.getNumJoints(self.body_id, client)
@@ -68,12 +68,12 @@ class BulletBody:
         self._motors = tuple(self._joints[motor.joint] for motor in description.motors)
         self._links = {root: -1} | {row[12].decode(): row[0] for row in rows}
         if description.slides:
-            # By default friction acts along two axes of the world, each limited by itself: shares along a link's axes
+            # By default friction acts along two axes of the world, each limited separately: shares along a link's axes
             # fail where both coincide.
             pybullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
         for link, axis in description.slides:
             index = self._link_index(link)
-            # The engine counts them in the principal axes of the link's inertia.
+            # The engine expects them in the principal axes of the link's inertia.
             along = rotate_inverse(pybullet.getDynamicsInfo(self.body_id, index, client)[4], axis)
             shares = [1 - (1 - SLIDING_SHARE) * each * each for each in along]
             pybullet.changeDynamics(self.body_id, index, anisotropicFriction=shares, physicsClientId=client)
@@ -95,7 +95,7 @@ class BulletBody:
 
     @property
     def configuration(self) -> Configuration:
-        """Where the root is and how the joints stand."""
+        """The current root pose and joint positions."""
         return Configuration(self._root_pose(), dict(zip(self._joints, self.joint_readings().position, strict=True)))
 
     def state(self) -> BodyState:
@@ -106,7 +106,7 @@ class BulletBody:
         return BodyState(*pose, linear, angular)
 
     def place(self, pose: Pose3) -> None:
-        """Put the root frame somewhere, unchecked."""
+        """Set the pose of the root frame, without a check."""
         if self._centre is not None:
             pose = pose @ self._centre
         pybullet.resetBasePositionAndOrientation(self.body_id, *pose, physicsClientId=self._client)
@@ -133,7 +133,7 @@ class BulletBody:
         pybullet.setJointMotorControlArray(*motors, pybullet.TORQUE_CONTROL, forces=torques, physicsClientId=client)
 
     def joint_index(self, joint: str) -> int:
-        """The index of a movable joint; raises BadInput with those that there are."""
+        """Return the index of a movable joint; raises BadInput with those available."""
         if joint not in self._joints:
             raise unknown_name("joint", joint, self._joints, self.description.name)
         return self._joints[joint]
@@ -173,11 +173,11 @@ class BulletBody:
         matrix = pybullet.calculateMassMatrix(
             self.body_id, self.joint_readings().position, physicsClientId=self._client
         )
-        first = len(matrix) - len(self._joints)  # those of a root that moves come first
+        first = len(matrix) - len(self._joints)  # the rows of a free root come first
         return tuple(matrix[first + index][first + index] for index in range(len(self._joints)))
 
     def set_joint_friction(self, joint_friction: Mapping[str, JointFriction]) -> None:
-        # Damping is the engine's; dry friction is a motor that wants to stand still and has no more than its force.
+        # Damping is the engine's; dry friction is a motor with a target speed of 0 and its force as the limit.
         self._set_damping({joint: each.damping for joint, each in joint_friction.items()})
         for index, (_, friction) in [(self.joint_index(joint), each) for joint, each in joint_friction.items()]:
             pybullet.setJointMotorControl2(
@@ -192,7 +192,7 @@ class BulletBody:
         self.description = replace(self.description, joint_friction=tuple(every.items()))
 
     def _set_damping(self, damping: Mapping[str, float]) -> None:
-        """Set the damping of joints, each at most so high that a step does not turn its motion round."""
+        """Set the damping of joints, each limited so that a step does not reverse its motion."""
         most = self._largest_damping() if any(damping.values()) else dict.fromkeys(damping, math.inf)
         for joint, value in damping.items():
             self.limited_damping.pop(joint, None)
@@ -204,11 +204,11 @@ class BulletBody:
             )
 
     def _largest_damping(self) -> dict[str, float]:
-        """The damping [N m s/rad or N s/m] with which a joint comes to rest in one step: I / dt.
+        """Return the damping [N m s/rad or N s/m] that brings each joint to rest in one step: I / dt.
 
         The engine integrates damping explicitly: with twice as much, it drives the joint. I = 1 / (M^-1)_ii is the
-        inertia that the joint feels while all others are free. Where there are others, it changes with their positions,
-        and half of it counts.
+        inertia of the joint while all others are free. With several joints, it changes with their positions, so half of
+        it counts.
         """
         step = pybullet.getPhysicsEngineParameters(self._client)["fixedTimeStep"]
         rows = pybullet.getJointStates(self.body_id, self._joint_indices, self._client) or ()  # None for none
@@ -218,7 +218,7 @@ class BulletBody:
         return dict(zip(self._joints, (share * felt / step).tolist(), strict=True))
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
-        """Put joints at positions, at rest, unchecked."""
+        """Set joint positions, at rest, without a check."""
         for index, position in [(self.joint_index(joint), position) for joint, position in positions.items()]:
             pybullet.resetJointState(self.body_id, index, position, 0.0, physicsClientId=self._client)
 
@@ -226,7 +226,7 @@ class BulletBody:
         return self.link_states([link])[0]
 
     def link_states(self, links: Sequence[str]) -> list[BodyState]:
-        """The states of several links, in little more time than that of one takes."""
+        """Return the states of several links, in little more time than one takes."""
         indices = [self._link_index(link) for link in links]
         below = [index for index in indices if index >= 0]
         rows: Iterator[Any] = iter(
@@ -248,7 +248,7 @@ class BulletBody:
         index = self._link_index(link)
         mass, friction, moments, place, turn, *_ = pybullet.getDynamicsInfo(self.body_id, index, self._client)
         if index < 0 and self.description.fixed:
-            # PyBullet counts what it holds as without mass.
+            # PyBullet gives a fixed root no mass.
             robot = parse_urdf(read_urdf(self.description.urdf))
             return principal_inertia(next(each for each in robot.links if each.name == link).inertia, friction)
         return Inertia(mass, Pose3(place, turn), moments, friction)
@@ -276,13 +276,13 @@ def _link_state(row: Any) -> BodyState:
 
 
 def _velocity_at(linear: Vector, angular: Vector, offset: Vector, sign: float) -> Vector:
-    """The velocity of the point ``sign`` * ``offset`` away from one that moves like this: v + w x r."""
+    """Return the velocity of the point at ``sign`` * ``offset`` from one that moves like this: v + w x r."""
     (vx, vy, vz), (wx, wy, wz), (x, y, z) = linear, angular, (sign * each for each in offset)
     return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
 
 
 def _normalized(turn: Rotation) -> Rotation:
-    """Of length 1 again: PyBullet gives the orientation of links in single precision."""
+    """Normalise an orientation: PyBullet returns those of links in single precision."""
     x, y, z, w = turn
     length = (x * x + y * y + z * z + w * w) ** 0.5
     return x / length, y / length, z / length, w / length

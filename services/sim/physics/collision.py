@@ -1,7 +1,7 @@
-"""Collision checks before a body enters the world or moves, on copies in a client of their own.
+"""Overlap checks in PyBullet before a body is spawned or moved, on copies in a separate client.
 
-A body that starts inside another is thrown metres into the air, and one that was loaded and taken out again would
-change the trajectories of the others: so the world itself is not touched before the place is known to be free.
+A body that starts inside another is thrown metres into the air, and one that is loaded and removed again would change
+the trajectories of the others. So the world itself is not touched before the place is known to be free.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from services.sim.physics.world import Body, Configuration
 from services.sim.physics.world_bodies import ground_height
 
 MAX_PENETRATION = 0.002
-"""Bodies may reach this far, m, into each other or the ground: what resting on it takes, and rounding."""
+"""m; allowed depth of a body in another or in the ground: that of resting on it, and rounding."""
 
 
 MAX_SUNK = 0.1
-"""The origin of a body on a height map may be so far, m, below its surface."""
+"""m; allowed depth of a body's origin below the surface of a height map."""
 
 _GROUND = 0
-"""The number of what was loaded first."""
+"""The number of the ground, which is loaded first."""
 
 
 class CollisionChecker:
-    """Copies of a world's ground, obstacles and bodies, none of which ever moves by itself."""
+    """Copies of a world's ground, obstacles and bodies, which are placed but never stepped."""
 
     def __init__(self, world: WorldDescription) -> None:
         self._client = connect(1.0)
@@ -39,7 +39,7 @@ class CollisionChecker:
         self._copies: dict[str, BulletBody] = {}
 
     def add(self, body: Body, others: Mapping[str, Configuration], places: Mapping[str, Pose3]) -> None:
-        """Copy a newcomer; raises BadInput if it would overlap with ``others``, the world's bodies or the ground."""
+        """Copy a new body; raises BadInput if it would overlap with ``others``, the world's bodies or the ground."""
         name = body.name
         copy = BulletBody(self._client, body)
         copy.load()
@@ -57,13 +57,16 @@ class CollisionChecker:
         others: Mapping[str, Configuration],
         places: Mapping[str, Pose3],
     ) -> None:
-        """Raise BadInput, with what and by how much, if a body would overlap with anything.
+        """Check a configuration of a body for overlaps.
 
         Args:
             name: The body.
-            configuration: Where it is to be, and how its joints stand.
-            others: Where the other spawned bodies are.
-            places: Where the world's movable and moving bodies are.
+            configuration: Its intended configuration.
+            others: Configurations of the other spawned bodies.
+            places: Poses of the world's movable and moving bodies.
+
+        Raises:
+            BadInput: It would overlap with something; names what, and by how much.
         """
         copy, pose = self._copies[name], configuration.pose
         self._set_configuration(copy, configuration)
@@ -78,7 +81,7 @@ class CollisionChecker:
     def check_world_body(
         self, name: str, pose: Pose3, others: Mapping[str, Configuration], places: Mapping[str, Pose3]
     ) -> None:
-        """The same for a movable body of the world, which is to be at ``pose``."""
+        """Like ``check``, for a movable body of the world at the intended ``pose``."""
         handle = self._world.handles[name]
         self._set_places({**places, name: pose})
         for number, obstacle in self._static_bodies.items():
@@ -89,7 +92,7 @@ class CollisionChecker:
             self._check_pair(name, pose, self._copies[other].body_id, handle.number, repr(other))
 
     def overlaps_at_start(self) -> tuple[str, ...]:
-        """The movable bodies of the world that its file puts into something else, each with what and by how much."""
+        """Return a line for each movable body that the world's file places inside another: which, and by how much."""
         found = []
         for name, handle in self._world.handles.items():
             if handle.body.kind == "movable":
@@ -100,11 +103,11 @@ class CollisionChecker:
         return tuple(found)
 
     def remove(self, name: str) -> None:
-        """Drop the copy of a body that left."""
+        """Remove the copy of a deleted body."""
         pybullet.removeBody(self._copies.pop(name).body_id, physicsClientId=self._client)
 
     def close(self) -> None:
-        """End the client."""
+        """Close the client."""
         pybullet.disconnect(physicsClientId=self._client)
 
     def _set_places(self, places: Mapping[str, Pose3]) -> None:
@@ -125,7 +128,7 @@ class CollisionChecker:
             )
 
     def _check_above_ground(self, name: str, pose: Pose3) -> None:
-        """Height maps are surfaces: what is below one overlaps with nothing."""
+        """Check against height maps: they are surfaces, so nothing below one overlaps with it."""
         x, y, z = pose.position
         height = ground_height(self._client, self._world.height_maps, x, y)
         if height is not None and height > z + MAX_SUNK:
@@ -135,18 +138,18 @@ class CollisionChecker:
             )
 
     def _may_collide(self, copy: int, number: int, link: int, other: int) -> bool:
-        # Distances know nothing of who may touch whom.
+        # Distance queries ignore collision filters.
         if number == _GROUND or number in self._world.grounds:
             return True
         return not (self._rolls(copy, link) or self._rolls(number, other))
 
     def _rolls(self, number: int, link: int) -> bool:
-        """Whether a link rolls; a ball of the world's does not count as a wheel."""
+        """Return whether a link rolls; a ball of the world itself does not count as a wheel."""
         return number not in self._static_bodies and is_roller(self._client, number, link)
 
 
 def _without_looks(world: WorldDescription) -> WorldDescription:
-    """The same world without its looks: a building of meshes loads in half the time."""
+    """Return the world without its visual shapes: a building of meshes loads in half the time."""
     bodies = [
         replace(body, parts=tuple(replace(part, visible=False) for part in body.parts if part.solid))
         for body in world.bodies

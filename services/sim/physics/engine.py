@@ -1,6 +1,7 @@
-"""PyBullet as this project sets it up: one private client, its ground and bodies, and robots loaded with care.
+"""PyBullet's setup: one private client, its ground and bodies, and the loading of robots.
 
-Each setting below is there for a measured reason, given beside it; ``models/README.md`` tells what a URDF must bring.
+Each setting below is there for a measured reason, given beside it; ``models/README.md`` describes what a URDF must
+contain.
 """
 
 from __future__ import annotations
@@ -19,22 +20,22 @@ _SPHERE = pybullet.GEOM_SPHERE
 
 
 def connect(step: float) -> int:
-    """Open a client without a window whose steps take ``step`` [s]; returns its number."""
+    """Open a client without a window whose steps take ``step`` [s]; return its number."""
     client: int = pybullet.connect(pybullet.DIRECT)
     configure(client, step)
     return client
 
 
 def configure(client: int, step: float) -> None:
-    """Give a new or reset client its settings."""
+    """Apply the settings to a new or reset client."""
     pybullet.setPhysicsEngineParameter(
         fixedTimeStep=step,
         numSubSteps=0,
         numSolverIterations=SOLVER_ITERATIONS,
-        solverResidualThreshold=0,  # never ends early: a resting robot creeps by 0.000 mm instead of 1 mm in 20 s
-        useSplitImpulse=0,  # with it, a joint that is thrown 0.04 rad past its limit stays there for ever
+        solverResidualThreshold=0,  # never stop early: a resting robot creeps by 0.000 mm instead of 1 mm in 20 s
+        useSplitImpulse=0,  # with it, a joint thrown 0.04 rad past its limit stays there forever
         deterministicOverlappingPairs=1,
-        enableFileCaching=0,  # a URDF that changed under its name is seen
+        enableFileCaching=0,  # so that a changed URDF file is read again
         physicsClientId=client,
     )
     pybullet.setRealTimeSimulation(0, physicsClientId=client)
@@ -42,7 +43,7 @@ def configure(client: int, step: float) -> None:
 
 
 def load_world(client: int, world: WorldDescription) -> LoadedWorld:
-    """Put the ground, whose number is 0, and the bodies into a client."""
+    """Load the ground, whose number is 0, and the bodies into a client."""
     plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
     ground = pybullet.createMultiBody(0, plane, physicsClientId=client)
     set_contact_dynamics(client, ground, -1, world.friction, GROUND)
@@ -62,15 +63,14 @@ def _load_box(client: int, box: Box) -> int:
 
 
 def load_urdf(client: int, urdf: Path, pose: Pose3, fixed: bool = False) -> int:
-    """Load a URDF with its root frame at ``pose``, at rest, all motors off; returns its number. With ``fixed`` the
-    root stays where it is.
+    """Load a URDF with its root frame at ``pose``, at rest, all motors off; return its number.
 
-    A link whose collision shape is a sphere rolls: it touches the ground and nothing else. Raises BadInput for a file
-    that PyBullet cannot read.
+    With ``fixed`` the root is held in place. A link whose collision shape is a sphere rolls: it touches the ground and
+    nothing else. Raises BadInput for a file that PyBullet cannot read.
     """
     try:
         with stdout_to_stderr():
-            # Inertia from the file, or shapes would replace the tensors. Fixed links are not merged: merging ignores
+            # Inertia from the file; otherwise shapes replace the tensors. Fixed links are not merged: merging ignores
             # where their masses are.
             number: int = pybullet.loadURDF(
                 str(urdf),
@@ -85,12 +85,12 @@ def load_urdf(client: int, urdf: Path, pose: Pose3, fixed: bool = False) -> int:
         friction = pybullet.getDynamicsInfo(number, link, physicsClientId=client)[1]
         set_contact_dynamics(client, number, link, friction, ROLLER if is_roller(client, number, link) else BODY)
         if link >= 0:
-            # Every movable joint is born with a motor that brakes it.
+            # Every movable joint starts with a motor that brakes it.
             pybullet.setJointMotorControl2(number, link, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=client)
     return number
 
 
 def is_roller(client: int, number: int, link: int) -> bool:
-    """Whether a link of a body rolls, that is, collides as a sphere."""
+    """Return whether a link of a body rolls, that is, collides as spheres."""
     shapes = pybullet.getCollisionShapeData(number, link, physicsClientId=client)
     return bool(shapes) and all(shape[2] == _SPHERE for shape in shapes)

@@ -1,4 +1,4 @@
-"""Inertias about their principal axes, as physics engines have them."""
+"""Inertias about their principal axes, as used by physics engines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.sim.physics.world import Inertia
 
 
 def principal_inertia(own: LinkInertia, friction: float) -> Inertia:
-    """That of a link of a URDF, about its principal axes."""
+    """Return the inertia of a link of a URDF about its principal axes."""
     if not any(own.tensor[3:]):
         return Inertia(own.mass, own.centre, own.tensor[:3], friction)  # type: ignore[arg-type]
     moments, axes = principal_axes(inertia_matrix(own.tensor))
@@ -21,7 +21,7 @@ def principal_inertia(own: LinkInertia, friction: float) -> Inertia:
 
 
 def inertia_matrix(tensor: tuple[float, ...]) -> NDArray[np.float64]:
-    """The tensor of a URDF, shape (3, 3)."""
+    """Return the tensor of a URDF as a matrix, shape (3, 3)."""
     xx, yy, zz, xy, xz, yz = tensor
     return np.array([(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)])
 
@@ -29,7 +29,7 @@ def inertia_matrix(tensor: tuple[float, ...]) -> NDArray[np.float64]:
 def principal_axes(
     tensor: NDArray[np.float64],
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-    """The moments of an inertia, shape (3, 3), and the orientation (x, y, z, w) of its principal axes."""
+    """Return the principal moments of an inertia, shape (3, 3), and the orientation (x, y, z, w) of its axes."""
     off = tensor - np.diag(np.diag(tensor))
     if not off.any():
         x, y, z = np.diag(tensor).tolist()
@@ -42,7 +42,7 @@ def principal_axes(
 
 
 def _quaternion(axes: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """The orientation whose axes are the columns of a rotation matrix."""
+    """Return the orientation whose axes are the columns of a rotation matrix."""
     r = axes
     squares = (
         1 + r[0, 0] - r[1, 1] - r[2, 2],

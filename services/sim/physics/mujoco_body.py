@@ -1,4 +1,4 @@
-"""A robot in MuJoCo: its part of the engine's arrays, which it reads and writes by itself."""
+"""A robot in MuJoCo: its share of the engine's arrays, which it reads and writes itself."""
 
 from __future__ import annotations
 
@@ -26,34 +26,34 @@ from services.sim.physics.world import (
 Floats = NDArray[np.float64]
 
 ROOT_POSITIONS, ROOT_VELOCITIES = 7, 6
-"""Numbers of a root that moves: its position and quaternion, its velocity (world axes) and turn rate (its own)."""
+"""Numbers of a free root: its position and quaternion, its velocity (world axes) and turn rate (its own axes)."""
 MOST_EFFORT = 1e9
-"""N m or N, of a motor without a limit."""
+"""N m or N, limit of a motor without one."""
 
 
 class PartStates(Protocol):
-    """What a body asks of its world: where its parts are, and how they move."""
+    """What a body needs from its world: the poses and velocities of its parts."""
 
     def positions_changed(self) -> None:
-        """Positions were set."""
+        """Mark derived positions as out of date, after positions were set."""
 
     def part_pose(self, body: str, part: int) -> Pose3:
-        """Where the frame of a part is."""
+        """Return the pose of a part's frame in the world."""
 
     def part_state(self, body: str, part: int) -> BodyState:
-        """How the frame of a part moves."""
+        """Return pose and velocity of a part's frame in the world."""
 
     def joint_inertias(self, body: str) -> Floats:
-        """The inertia about each of the body's joints, in the order of its parts."""
+        """Return the inertia about each rate of the body, the root's six first unless it is fixed."""
 
     def push(self, body: str, part: int, force: Vector, torque: Vector, point: Vector) -> None:
-        """Act on a part in the next step."""
+        """Apply a wrench to a part in the next step."""
 
 
 class BodyArrays:
-    """A body's share of the arrays of the engine, which are its own until it is part of a compiled model.
+    """A body's share of the engine's arrays; arrays of its own until it is part of a compiled model.
 
-    Rates have the root's six first, unless it is fixed; a motor keeps ``targets`` with at most ``limits``.
+    Rates begin with the root's six, unless it is fixed; a motor keeps ``targets`` with at most ``limits``.
     """
 
     def __init__(self, positions: int, rates: int) -> None:
@@ -61,7 +61,7 @@ class BodyArrays:
         self.targets, self.limits, self.damping = np.zeros(rates), np.zeros(rates), np.zeros(rates)
         self.applied, self.motor_efforts = np.zeros(rates), np.zeros(rates)
         self.base = np.zeros(ROOT_POSITIONS)
-        """Where a fixed root is."""
+        """The pose of a fixed root."""
 
 
 class MujocoBody:
@@ -70,7 +70,7 @@ class MujocoBody:
     def __init__(self, world: PartStates, description: Body, tree: RobotTree) -> None:
         self.description, self.tree, self._world = description, tree, world
         self.limited_damping: Mapping[str, float] = {}
-        """Always empty: the engine takes any damping."""
+        """Always empty: the engine can simulate any damping."""
         self.fixed = description.fixed
         positions, rates = (0, 0) if self.fixed else (ROOT_POSITIONS, ROOT_VELOCITIES)
         self.arrays = BodyArrays(positions + len(tree.parts) - 1, rates + len(tree.parts) - 1)
@@ -85,7 +85,7 @@ class MujocoBody:
         self.start()
 
     def start(self) -> None:
-        """Put the body where it was spawned, at rest, its motors at zero."""
+        """Return the body to its spawn configuration, at rest, its motors at zero."""
         description, arrays = self.description, self.arrays
         arrays.positions[:] = 0.0
         for each in (arrays.velocities, arrays.warmstart, arrays.targets, arrays.limits, arrays.applied):
@@ -100,7 +100,7 @@ class MujocoBody:
 
     @property
     def placed(self) -> PlacedRobot:
-        """The body as a scene takes it."""
+        """The body in the form that a scene needs."""
         description = self.description
         return PlacedRobot(description.name, self.tree, description.pose, self.fixed, description.slides)
 
@@ -118,13 +118,13 @@ class MujocoBody:
 
     @property
     def configuration(self) -> Configuration:
-        """Where the root is and how the joints stand."""
+        """The current root pose and joint positions."""
         positions = self.arrays.positions[self.joint_positions].tolist()
         return Configuration(self.root_pose, dict(zip(self._joints, positions, strict=True)))
 
     @property
     def root_pose(self) -> Pose3:
-        """Where the root is."""
+        """The pose of the root in the world."""
         place = self.arrays.base if self.fixed else self.arrays.positions
         x, y, z, w, i, j, k = place[:ROOT_POSITIONS].tolist()
         return Pose3((x, y, z), (i, j, k, w))
@@ -137,13 +137,13 @@ class MujocoBody:
         return BodyState(*pose, (vx, vy, vz), rotate(pose.orientation, (i, j, k)))
 
     def place(self, pose: Pose3) -> None:
-        """Put the root frame somewhere, unchecked."""
+        """Set the pose of the root frame, without a check."""
         place = self.arrays.base if self.fixed else self.arrays.positions
         place[:ROOT_POSITIONS] = (*pose.position, *wxyz(pose.orientation))
         self._world.positions_changed()
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
-        """Put joints at positions, at rest, unchecked."""
+        """Set joint positions, at rest, without a check."""
         for joint, position in positions.items():
             self.arrays.positions[self._position_of[joint]] = position
             self.arrays.velocities[self._rate_of[joint]] = 0.0
@@ -181,7 +181,7 @@ class MujocoBody:
         self.description = replace(self.description, joint_friction=tuple(every.items()))
 
     def _set_joint_friction(self, joint_friction: Mapping[str, JointFriction]) -> None:
-        # Dry friction is a motor that wants to stand still and has no more than its force.
+        # Dry friction is a motor with a target speed of 0 and its force as the limit.
         self.drive_joints({joint: MotorTarget(0.0, each.friction) for joint, each in joint_friction.items()})
         for joint, each in joint_friction.items():
             self.arrays.damping[self._rate_of[joint]] = each.damping
@@ -227,13 +227,13 @@ class MujocoBody:
             self.arrays.applied[:ROOT_VELOCITIES] += (*force, *rotate_inverse(turn, about))
 
     def rate_index(self, joint: str) -> int:
-        """Where the rate of a movable joint is; raises BadInput with those that there are."""
+        """Return the index of a movable joint's rate; raises BadInput with the joints available."""
         if joint not in self._rate_of:
             raise unknown_name("joint", joint, self._rate_of, self.description.name)
         return self._rate_of[joint]
 
     def link_place(self, link: str) -> tuple[int, Pose3]:
-        """The part of a link and its pose in it; raises BadInput with those that there are."""
+        """Return the part of a link and its pose in it; raises BadInput with the links available."""
         if link not in self.tree.links:
             raise unknown_name("link", link, self.tree.links, self.description.name)
         return self.tree.links[link]
@@ -251,6 +251,6 @@ class MujocoBody:
 
 
 def orientation_of(quaternion: Sequence[float]) -> Rotation:
-    """The orientation (x, y, z, w) of MuJoCo's quaternion."""
+    """Convert MuJoCo's quaternion to an orientation (x, y, z, w)."""
     w, x, y, z = quaternion
     return x, y, z, w

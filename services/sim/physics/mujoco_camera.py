@@ -1,4 +1,4 @@
-"""Pictures in MuJoCo: by OpenGL on a graphics card or in software (EGL), or by OSMesa; neither needs a display."""
+"""Camera images in MuJoCo: by OpenGL on a GPU or in software (EGL), or by OSMesa; neither needs a display."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ LIBRARIES: Mapping[str, tuple[str, ...]] = {
     "egl": ("libEGL.so.1", "libEGL.so"),
     "osmesa": ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),
 }
-"""The OpenGL libraries that are tried in turn, and the names of their files."""
+"""The OpenGL libraries to try in turn, and their file names."""
 _PLATFORM = "PYOPENGL_PLATFORM"
 _CONTEXTS = ("mujoco.egl", "mujoco.egl.egl_ext", "mujoco.osmesa")
 _MOST_SHAPES = 100_000
 _SKY = 255
-"""Where nothing is seen, a picture is white, as PyBullet's are."""
+"""Background: white, as in PyBullet's images."""
 
 
 class MujocoCamera:
-    """Draws a world with robots, whose positions are those of ``data``. OpenGL is opened for the first picture."""
+    """Renders a world with robots at the positions of ``data``. OpenGL is opened for the first image."""
 
     def __init__(self, world: WorldDescription, robots: tuple[PlacedRobot, ...]) -> None:
         self._world, self._robots = world, robots
@@ -40,7 +40,7 @@ class MujocoCamera:
         self._context: Any = None
 
     def render(self, data: Any, eye: Pose3, camera: CameraModel) -> bytes:
-        """A picture from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel."""
+        """Render the image from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel."""
         width, height = camera.width, camera.height
         if width > self._size[0] or height > self._size[1]:
             self._open(max(width, self._size[0]), max(height, self._size[1]))
@@ -60,12 +60,12 @@ class MujocoCamera:
         mujoco.mjr_render(view, self._scene, self._drawing)
         pixels, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
         mujoco.mjr_readPixels(pixels, depth, view, self._drawing)
-        # The buffer counts backward: nothing is at 0 or at 1.
+        # The depth buffer is reversed: empty pixels are at 0 or at 1.
         pixels[(depth >= 1.0) | (depth <= 0.0)] = _SKY
         return pixels[::-1].tobytes()
 
     def close(self) -> None:
-        """End OpenGL."""
+        """Close OpenGL."""
         if self._context is not None:
             self._context.make_current()
             self._drawing.free()
@@ -103,7 +103,7 @@ class MujocoCamera:
 
 
 def open_context(width: int, height: int) -> Any:
-    """An OpenGL context without a display; raises BadInput where there is no library for one."""
+    """Open an OpenGL context without a display; raises BadInput if no library for it works."""
     chosen = os.environ.get("MUJOCO_GL", "").lower()
     faults = []
     for name in (chosen,) if chosen in LIBRARIES else LIBRARIES:
@@ -132,7 +132,7 @@ def _loads(library: str) -> bool:
 
 
 def _forget_opengl(platform: str | None) -> None:
-    """Let another library be tried: PyOpenGL is bound to the first when it is imported."""
+    """Unload PyOpenGL, so that another library can be tried: it is bound to the first one at import."""
     if platform is None:
         os.environ.pop(_PLATFORM, None)
     for name in [each for each in sys.modules if each.split(".")[0] == "OpenGL" or each in _CONTEXTS]:

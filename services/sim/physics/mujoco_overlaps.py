@@ -1,4 +1,4 @@
-"""Overlap checks before a body enters the world or moves, in MuJoCo: on small models of it and of what is near."""
+"""Overlap checks in MuJoCo before a body is spawned or moved, on small models of it and its surroundings."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from services.sim.physics.mujoco_scene import GROUNDS, PlacedRobot, SceneBuilder
 from services.sim.physics.world import Configuration
 
 MAX_PENETRATION = 0.002
-"""Bodies may reach this far, m, into each other or the ground: what resting on it takes, and rounding."""
+"""m; allowed depth of a body in another or in the ground: that of resting on it, and rounding."""
 MAX_SUNK = 0.1
-"""The origin of a body on a height map may be so far, m, below its surface."""
+"""m; allowed depth of a body's origin below the surface of a height map."""
 _SKY = 1e4
 """m; nothing is higher."""
 _GROUNDS_ONLY = np.array([number == GROUNDS for number in range(6)], np.uint8)
@@ -28,7 +28,7 @@ Placed = tuple[PlacedRobot, Configuration]
 
 
 class OverlapChecker:
-    """Checks where bodies may be in a world.
+    """Checks intended poses of bodies in a world.
 
     The world itself is not touched before the place is known to be free: a body that starts inside another is thrown
     metres into the air.
@@ -45,7 +45,7 @@ class OverlapChecker:
 
     @property
     def has_grounds(self) -> bool:
-        """Whether there is more ground than the plane."""
+        """Whether there is ground besides the plane."""
         return bool(self._grounds)
 
     def check(
@@ -55,13 +55,16 @@ class OverlapChecker:
         others: Mapping[str, Placed],
         places: Mapping[str, Pose3],
     ) -> None:
-        """Raise BadInput, with what and by how much, if a body would overlap with anything.
+        """Check a configuration of a body for overlaps.
 
         Args:
             robot: The body.
-            configuration: Where it is to be, and how its joints stand.
-            others: Where the other spawned bodies are.
-            places: Where the world's movable and moving bodies are.
+            configuration: Its intended configuration.
+            others: Configurations of the other spawned bodies.
+            places: Poses of the world's movable and moving bodies.
+
+        Raises:
+            BadInput: It would overlap with something; names what, and by how much.
         """
         pose = configuration.pose
         height = self._height(self._height_maps, *pose.position[:2], places)
@@ -78,7 +81,7 @@ class OverlapChecker:
     def check_world_body(
         self, name: str, pose: Pose3, others: Mapping[str, Placed], places: Mapping[str, Pose3]
     ) -> None:
-        """The same for a movable body of the world, which is to be at ``pose``."""
+        """Like ``check``, for a movable body of the world at the intended ``pose``."""
         radius = max(reach + math.dist((0.0, 0.0, 0.0), centre) for centre, reach in self._reach[name])
         bodies = self._near(pose.position, radius, {**places, name: pose})
         near = [
@@ -89,11 +92,11 @@ class OverlapChecker:
         self._check(name, pose, bodies, near)
 
     def ground_height(self, x: float, y: float, places: Mapping[str, Pose3]) -> float | None:
-        """The height [m] of the highest ground but the plane at a place; None where there is none."""
+        """Return the height [m] of the highest ground at a point, except the plane; None if there is none."""
         return self._height(self._grounds, x, y, places)
 
     def close(self) -> None:
-        """Forget the models."""
+        """Drop the models."""
         self._ground_models.clear()
 
     def _check(self, name: str, pose: Pose3, bodies: Sequence[WorldBody], robots: Sequence[Placed]) -> None:
@@ -132,7 +135,7 @@ class OverlapChecker:
                 )
 
     def _near(self, at: Sequence[float], radius: float, places: Mapping[str, Pose3]) -> list[WorldBody]:
-        """The parts of the world's bodies that are nearer to a place than ``radius``, each body where it is."""
+        """Return the parts of the world's bodies within ``radius`` of a point, each body at its current pose."""
         found = []
         for body in self._world.all_bodies:
             pose = places.get(body.name, body.pose)
@@ -175,7 +178,7 @@ def _only(body: WorldBody, wanted: object) -> WorldBody:
 
 
 def _reach(part: BodyPart) -> tuple[tuple[float, float, float], float]:
-    """A sphere around a part: its centre in the body's frame, and its radius, m."""
+    """Return a sphere around a part: its centre in the body's frame, and its radius, m."""
     match part.shape:
         case BoxShape(size) | RampShape(size):
             return part.pose.position, math.hypot(*size) / 2
@@ -185,7 +188,7 @@ def _reach(part: BodyPart) -> tuple[tuple[float, float, float], float]:
             return part.pose.position, radius
         case HeightMapShape(heights, (x, y)):
             low, high = float(heights.min()), float(heights.max())
-            # Below its surface there is nothing to overlap with: it counts wherever it is above or below.
+            # It is a surface, below which nothing overlaps with it: count it at any distance above or below.
             return part.pose.position, math.hypot(x / 2, y / 2) + max(abs(low), abs(high)) + _SKY
         case MeshShape(mesh):
             low, high = mesh.bounds

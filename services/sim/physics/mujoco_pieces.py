@@ -1,7 +1,7 @@
-"""Convex pieces of a triangle mesh, since MuJoCo collides nothing else.
+"""Splits a triangle mesh into convex pieces, the only meshes that MuJoCo collides.
 
-A closed part of it whose triangles all lie on its hull is a piece, and so are triangles that lie in a plane and fill
-their outline; whatever is neither is cut in two, until it is.
+A closed component whose triangles all lie on its hull is a piece, and so are triangles that lie in a plane and fill
+their outline; everything else is cut in two until it is one of these.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ Floats = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 TOLERANCE = 0.001
-"""m, by which a piece may differ from the mesh; more where there would be too many pieces."""
+"""m; deviation of a piece from the mesh, larger if there would be too many pieces."""
 MOST_PIECES = 1000
 FILLED = 0.99
-"""Least share of a flat piece's hull that its triangles cover."""
+"""Minimum share of a flat piece's hull that its triangles cover."""
 _SAMPLE = 256
-"""Triangles of a piece that are looked at."""
+"""Triangles of a piece that are checked."""
 
 
 def convex_pieces(mesh: Mesh) -> list[Mesh]:
-    """Pieces whose hulls cover the mesh and little else."""
+    """Return pieces whose hulls cover the mesh and little else."""
     corners, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
     triangles = index.ravel().astype(np.int32)[mesh.triangles]
     tolerance = TOLERANCE
@@ -34,7 +34,7 @@ def convex_pieces(mesh: Mesh) -> list[Mesh]:
 
 
 def _cut(corners: Floats, triangles: NDArray[np.int32], tolerance: float) -> list[Numbers] | None:
-    """The triangles of each piece; None where they are too many."""
+    """Return the triangles of each piece; None if there are too many pieces."""
     pieces: list[Numbers] = []
     pending = [(each, _is_solid(corners, triangles[each])) for each in _components(len(corners), triangles)]
     while pending:
@@ -52,7 +52,7 @@ def _cut(corners: Floats, triangles: NDArray[np.int32], tolerance: float) -> lis
 
 
 def _components(corners: int, triangles: NDArray[np.int32]) -> list[Numbers]:
-    """The triangles that hang together by their corners."""
+    """Return the triangles of each component connected by corners."""
     label = np.arange(corners)
     while True:
         least = label[triangles].min(axis=1)
@@ -67,7 +67,7 @@ def _components(corners: int, triangles: NDArray[np.int32]) -> list[Numbers]:
 
 
 def _is_solid(corners: Floats, triangles: NDArray[np.int32]) -> bool:
-    """Whether triangles enclose a body, seen from outside: each edge belongs to two, once in each direction."""
+    """Return whether triangles enclose a volume and face outward: each edge belongs to two, once in each direction."""
     edges = np.concatenate([triangles[:, (0, 1)], triangles[:, (1, 2)], triangles[:, (2, 0)]]).astype(np.int64)
     forward, backward = edges[:, 0] * len(corners) + edges[:, 1], edges[:, 1] * len(corners) + edges[:, 0]
     if len(np.unique(forward)) < len(forward) or not np.array_equal(np.sort(forward), np.sort(backward)):
@@ -98,7 +98,7 @@ def _is_convex(corners: Floats, triangles: NDArray[np.int32], solid: bool, toler
 
 
 def _outline_area(points: Floats, normal: Floats) -> float:
-    """The area of the hull of points in a plane (Andrew's monotone chain)."""
+    """Return the area of the hull of points in a plane (Andrew's monotone chain)."""
     first = np.eye(3)[int(np.argmin(np.abs(normal)))]
     u = np.cross(normal, first)
     u /= np.linalg.norm(u)

@@ -1,4 +1,4 @@
-"""What the rays of sensors meet: of the world around them, and of the part of a robot that carries them."""
+"""Ray casting for sensors: the model that rays hit, and the hits on the robot's own part that carries the sensor."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from services.sim.physics.mujoco_scene import SEEN_GROUPS, PlacedRobot, SceneBui
 Floats = NDArray[np.float64]
 
 _ALOFT = Pose3((0.0, 0.0, 1e4))
-"""Where no ray meets the ground."""
+"""High enough that no ray hits the ground."""
 _ROUNDING = 1e-6
-"""m; what is as little out of reach counts as within."""
+"""m; a body out of reach by less counts as within."""
 _KEPT = 256
 _known: dict[tuple[object, ...], tuple[RobotTree, Floats]] = {}
-"""What was found, with the tree that the key names by its number, so that no other gets this number."""
+"""Results by key, each with the tree whose id is in the key, so that no other object gets that id."""
 
 
 class RayModel:
-    """The model as rays meet it: a copy in which bodies without shapes that rays meet have no shapes at all.
+    """A copy of the model for ray casting, in which bodies that rays cannot hit have no shapes.
 
-    The engine looks at every body for every ray, and two thirds of those of a hundred burgers are wheels, which rays
-    pass. With what is out of reach left out, too, these cost a third; what is met stays the same, bit for bit.
+    The engine checks every body for every ray, and two thirds of those of a hundred burgers are wheels, which rays
+    ignore. With bodies out of reach left out, too, the rays take a third of the time; the hits are the same, bit for
+    bit.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -44,26 +45,30 @@ class RayModel:
         self.keep_all()
 
     def near(self, data: mujoco.MjData, origins: Floats, far: float) -> NDArray[np.bool_]:
-        """Which bodies rays of the length ``far`` [m] may meet from each of the origins, shape (n, 3), as ``keep``
-        takes a row of it."""
+        """Return which bodies rays of length ``far`` [m] may hit from each of the origins, shape (n, 3).
+
+        Each row is an argument for ``keep``.
+        """
         places = data.geom_xpos[self._shapes]
         squares = sum((origins[:, None, axis] - places[None, :, axis]) ** 2 for axis in range(3))
         return np.logical_or.reduceat(squares <= (self._reach + far + _ROUNDING) ** 2, self._starts, axis=1)
 
     def keep(self, near: NDArray[np.bool_]) -> None:
-        """Leave the other bodies out from now on."""
+        """Leave out all other bodies from now on."""
         model, kept = self.model, self._bodies[near]
         model.body_geomnum[:], model.body_bvhadr[:] = 0, -1
         model.body_geomnum[kept], model.body_bvhadr[kept] = self._counts[near], self._trees[near]
 
     def keep_all(self) -> None:
-        """Leave nothing out that rays meet."""
+        """Leave out nothing that rays hit."""
         self.keep(np.ones(len(self._bodies), np.bool_))
 
 
 def own_hits(tree: RobotTree, link: str, mount: Pose3, rays: Floats, near: float, far: float) -> Floats:
-    """How far rays get that begin ``near`` a sensor until they meet the part that it is on, m, shape (n,); inf for
-    those that do not up to ``far``. Found once for all robots of a kind."""
+    """Return the distance at which a sensor's rays hit the part that carries it, m, shape (n,); inf without a hit.
+
+    Rays begin ``near`` and end ``far`` from the sensor. Computed once for all robots of a kind.
+    """
     key = id(tree), link, mount, rays.tobytes(), near, far
     if (known := _known.get(key)) is None:
         while len(_known) >= _KEPT:

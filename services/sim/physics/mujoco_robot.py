@@ -1,4 +1,4 @@
-"""A robot as MuJoCo simulates it: its links joined to rigid parts, each with mass, shapes and joint."""
+"""A robot as simulated by MuJoCo: its links merged into rigid parts, each with mass, shapes and joint."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from services.sim.physics.inertia import inertia_matrix, principal_axes, princip
 from services.sim.physics.world import Inertia
 
 DEFAULT_FRICTION = 0.5
-"""Of a link without a ``<contact>``, as in PyBullet."""
+"""For a link without a ``<contact>``, as in PyBullet."""
 LEAST_MASS = 1e-6
-"""kg; a part that moves has at least this."""
+"""kg; minimum mass of a moving part."""
 LEAST_MOMENT = 1e-9
-"""kg m2."""
+"""kg m2; minimum moment of inertia."""
 
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """A shape of a link at ``pose`` in its part; a link ``rolls`` whose collision shapes are spheres."""
+    """A shape of a link at ``pose`` in its part; the link ``rolls`` if its collision shapes are spheres."""
 
     link: str
     shape: Shape
@@ -41,8 +41,11 @@ class PartShape:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Links that fixed joints hold together; the frame is that of the first one, at ``pose`` in the part ``parent``
-    while ``joint`` stands at zero. Both are missing for the root, whose parent is -1."""
+    """Links held together by fixed joints.
+
+    Its frame is that of the first link, at ``pose`` in the part ``parent`` when ``joint`` is at zero. The root has
+    parent -1 and no joint.
+    """
 
     parent: int
     joint: Joint | None
@@ -56,8 +59,11 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class RobotTree:
-    """The parts of a robot, each after its parent, in the engine's order; ``links`` says in which part each link is,
-    and where in it; ``joints`` has the movable ones in the URDF's order, each with the number of its part."""
+    """The parts of a robot, each after its parent, in the engine's order.
+
+    ``links`` has the part of each link and its pose in it; ``joints`` has the movable ones in the URDF's order, each
+    with the index of its part.
+    """
 
     parts: tuple[Part, ...]
     links: dict[str, tuple[int, Pose3]]
@@ -67,14 +73,14 @@ class RobotTree:
     """m; nothing of the robot is ever farther from the root's origin."""
 
     def damping(self, joint: str) -> float:
-        """The URDF's damping of a joint, N m s/rad or N s/m."""
+        """Return the URDF's damping of a joint, N m s/rad or N s/m."""
         moved_by = self.parts[self.joints[joint]].joint
         assert moved_by is not None
         return moved_by.limits.damping
 
 
 def read_tree(urdf: Path) -> RobotTree:
-    """The parts of the robot in a URDF file; raises BadInput for one that cannot be read."""
+    """Read the parts of the robot in a URDF file; raises BadInput if it cannot be read."""
     try:
         return _read_tree(urdf, urdf.stat().st_mtime_ns)
     except (BadInput, OSError) as error:
@@ -103,7 +109,7 @@ def _frictions(xml: ElementTree.Element) -> dict[str, float]:
 
 
 class _Joining:
-    """The walk through a robot's links, from the root on, children in the URDF's order."""
+    """Walks through a robot's links from the root on, children in the URDF's order, and merges them into parts."""
 
     def __init__(self, robot: RobotDescription, shapes: dict[str, LinkShapes], friction: dict[str, float]) -> None:
         self._robot, self._shapes, self._friction = robot, shapes, friction
@@ -128,7 +134,7 @@ class _Joining:
         )
 
     def _add(self, link: str, parent: int, joint: Joint | None, pose: Pose3) -> None:
-        """Add the part that begins with a link, then those that hang on it."""
+        """Add the part that begins with a link, then the parts below it."""
         number = len(self._parts)
         if joint is not None:
             self._moved_by[joint.name] = number
@@ -167,7 +173,7 @@ class _Joining:
         )
 
     def _inertia(self, name: str) -> Inertia:
-        """Of one link, about its principal axes."""
+        """Return the inertia of a link about its principal axes."""
         return principal_inertia(self._links[name].inertia, self._friction.get(name, DEFAULT_FRICTION))
 
     def _reach(self) -> float:
@@ -189,7 +195,7 @@ class _Joining:
 def _combined(
     inertias: list[tuple[LinkInertia, Pose3]],
 ) -> tuple[float, tuple[float, float, float], NDArray[np.float64]]:
-    """Mass [kg], centre [m] and tensor [kg m2] about it, of links at poses, in the axes of their common frame."""
+    """Return mass [kg], centre [m] and tensor [kg m2] about it, of links at poses in a common frame, in its axes."""
     mass = sum(each.mass for each, _ in inertias)
     places = [place @ each.centre for each, place in inertias]
     points = np.array([place.position for place in places])

@@ -1,4 +1,4 @@
-"""The model of a world with its robots, as MuJoCo compiles it: everything in a fixed order, with the engine's settings.
+"""The model of a world with its robots, as compiled by MuJoCo: everything in a fixed order, with the engine's settings.
 
 Each setting is there for a measured reason, given beside it; ``docs/engines.md`` compares the engines.
 """
@@ -37,52 +37,52 @@ from services.sim.physics.world import GRAVITY
 
 Floats = NDArray[np.float64]
 Filter = tuple[int, int]
-"""What a shape is, and which of what it touches, as bits; MuJoCo lets two touch if either says so."""
+"""Bits of what a shape is, and of what it collides with; in MuJoCo two shapes collide if either matches the other."""
 
 _BODY_BIT, _ROLLER_BIT, _GROUND_BIT, _FIXED_BIT, _PATH_BIT = 1, 2, 4, 8, 16
 BODY: Filter = (_BODY_BIT, _BODY_BIT | _GROUND_BIT | _FIXED_BIT)
 ROLLER: Filter = (_ROLLER_BIT, _GROUND_BIT)
-"""Rolling parts touch the ground alone, because a sphere is wider than the wheel it stands for."""
+"""Rolling parts touch only the ground, because a sphere is wider than the wheel it stands for."""
 FIXED: Filter = (_FIXED_BIT, _BODY_BIT)
 GROUND: Filter = (_GROUND_BIT, _BODY_BIT | _ROLLER_BIT)
 MOVABLE_GROUND: Filter = (_BODY_BIT | _GROUND_BIT, _BODY_BIT | _ROLLER_BIT | _GROUND_BIT)
 ON_PATH: Filter = (_PATH_BIT, _BODY_BIT)
-"""What follows a path passes through what is fixed."""
+"""A body that follows a path passes through fixed ones."""
 NOTHING: Filter = (0, 0)
 
 SEEN, UNSEEN, GROUNDS = 0, 2, 4
-"""Groups of shapes: those that rays meet, those that they pass, and of the first those on which wheels roll."""
+"""Groups of shapes: hit by rays, ignored by rays, and hit by rays and driven on."""
 
 SEEN_GROUPS = np.array([number in (SEEN, GROUNDS) for number in range(6)], np.uint8)
-"""What rays meet."""
+"""The groups that rays hit."""
 
 STIFF = (0.01, 1.0)
-"""Time constant [s], twice a step of 5 ms and the least that is stable, and damping: what a contact, stop or motor is
-off by is corrected within one step."""
+"""Time constant [s], twice a step of 5 ms and the smallest that is stable, and damping: the error of a contact, stop or
+motor is corrected within one step."""
 BUMPER = (0.02, 1.0)
-"""The same of contacts between bodies, which give way a little."""
+"""The same for contacts between bodies, which are slightly compliant."""
 CONTACT_IMPEDANCE = (0.999, 0.999, 0.001, 0.5, 2.0)
 """With 0.99, wheels sink in by 35 um, and a robot drives 0.053 % short; with this it is 0.006 %."""
 CONTACT_MARGIN = 0.001
-"""m; what is as near is looked at, so that a contact is there in the step in which it begins: else what stands on three
-points rocks on them."""
+"""m; contacts are detected from this distance on, so that they exist in the step in which they begin: without it, a
+body standing on three points rocks on them."""
 JOINT_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""The hardest that there is: with it the tutorial's arm stays at a stop within 0.001 degrees under 1,000 N m."""
+"""The hardest possible: with it the tutorial's arm stays at a stop within 0.001 degrees under 1,000 N m."""
 LEAST_RANGE = 1e-6
-"""rad or m, between the stops of a joint."""
+"""rad or m, minimum distance between the stops of a joint."""
 GROUND_COLOUR = (0.8, 0.8, 0.8, 1.0)
 THINNEST, THICKNESS = 1e-5, 1e-3
-"""m; what is thinner gets a thickness, since a hull has a volume."""
+"""m; a shape thinner than the first gets the second as its thickness, since a hull needs a volume."""
 PATH_MASS = 1e4
-"""kg, of what follows a path: whatever it meets gives way."""
+"""kg, mass of a body that follows a path: everything it meets gives way."""
 TYPICAL_INERTIA = 0.1
-"""By which the solver's tolerance is measured; from the masses, one on a path would make it useless."""
+"""Scale of the solver's tolerance; computed from the masses, a body on a path would make it useless."""
 
 
 @dataclass(frozen=True)
 class PlacedRobot:
-    """A robot to be put into the scene: its name, its parts, where the root is and whether it is held there; and the
-    links that slide, each along an axis of its frame."""
+    """A robot to add to the scene: its name and parts, the pose of its root, whether that is fixed, and the links that
+    slide, each along an axis of its frame."""
 
     name: str
     tree: RobotTree
@@ -93,8 +93,8 @@ class PlacedRobot:
 
 @dataclass
 class Scene:
-    """The compiled model, and for each of its shapes the number of its owner in ``owners``, its friction, whether one
-    stands on it, and the axis along which it slides (zero if it does not), shape (n, 3). The ground's owner is -1."""
+    """The compiled model and, for each of its shapes, the index of its owner in ``owners``, its friction, whether it is
+    ground to stand on, and its sliding axis (zero if none), shape (n, 3). The ground plane's owner is -1."""
 
     model: mujoco.MjModel
     owners: tuple[str, ...]
@@ -107,7 +107,7 @@ class Scene:
 
 @dataclass
 class _Shapes:
-    """What is kept of each shape, in the order of the model."""
+    """Data of the shapes, in the order of the model."""
 
     owner: list[int] = field(default_factory=list)
     friction: list[float] = field(default_factory=list)
@@ -116,7 +116,7 @@ class _Shapes:
 
 
 def movable_bodies(world: WorldDescription) -> list[WorldBody]:
-    """The bodies of a world that are not fixed, in the order in which a scene has them before the robots."""
+    """Return the bodies of a world that are not fixed, in the order in which a scene has them before the robots."""
     return [body for body in world.bodies if body.kind != "fixed"]
 
 
@@ -129,10 +129,10 @@ def build_scene(
     those of the robots: the root's (7 and 6) unless it is fixed, then one for each joint in the order of the parts.
 
     Args:
-        world: Its ground, and its bodies unless ``bodies`` says which.
-        robots: What is put into it.
+        world: Its ground, and its bodies unless ``bodies`` is given.
+        robots: The robots to add.
         step: Simulation time of one step, s.
-        bodies: The bodies of the world to be put in; all unless stated.
+        bodies: The bodies of the world to add; all if None.
     """
     builder = SceneBuilder(world, step)
     for body in world.all_bodies if bodies is None else bodies:
@@ -143,7 +143,7 @@ def build_scene(
 
 
 class SceneBuilder:
-    """Puts a world together, shape by shape: as it collides, or, for a ``picture`` of so many pixels, as it looks."""
+    """Builds a world from collision shapes or, for a ``picture`` of that many pixels, from visual shapes."""
 
     def __init__(self, world: WorldDescription, step: float, picture: tuple[int, int] | None = None) -> None:
         self._spec = spec = mujoco.MjSpec()
@@ -155,18 +155,18 @@ class SceneBuilder:
         option = spec.option
         option.timestep = step
         option.gravity = (0.0, 0.0, -GRAVITY)
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # damping of joints as large as one likes
-        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # friction has no favoured direction
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # stable with any damping of joints
+        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # friction without a preferred direction
         option.impratio = 10.0
-        # Each island of bodies that touch is solved on its own, in as many iterations as it takes: 100 burgers that
-        # drive about need a third of the time of solving them as one, for which 30 iterations are too few even at 9.
+        # Each island of touching bodies is solved on its own, in as many iterations as it takes: 100 driving burgers
+        # need a third of the time of solving them as one, for which 30 iterations are too few even at 9.
         option.iterations = 200
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._shapes, self._meshes = _Shapes(), 0
         self._owners: list[str] = []
         self._known_meshes: dict[int, str] = {}
         self._kept: list[Mesh] = []
-        """So that no other mesh gets the number of one in ``_known_meshes``."""
+        """Kept alive so that no other mesh gets the id of one in ``_known_meshes``."""
         self._looks = picture is not None
         if picture is not None:
             self._set_looks(world, picture)
@@ -174,7 +174,7 @@ class SceneBuilder:
         self._add(*ground, colour=GROUND_COLOUR)
 
     def compile(self) -> Scene:
-        """The model; raises BadInput for what MuJoCo refuses."""
+        """Compile the model; raises BadInput if MuJoCo refuses it."""
         try:
             model = self._spec.compile()
         except ValueError as error:
@@ -246,7 +246,7 @@ class SceneBuilder:
                 self._spec.add_exclude(bodyname1=one, bodyname2=other)
 
     def _set_looks(self, world: WorldDescription, picture: tuple[int, int]) -> None:
-        """Light, and room for a picture."""
+        """Set the light and the size of the image buffer."""
         visual = self._spec.visual
         visual.global_.offwidth, visual.global_.offheight = picture
         visual.headlight.ambient, visual.headlight.diffuse = (0.5,) * 3, (0.0,) * 3
@@ -289,7 +289,7 @@ class SceneBuilder:
         )
 
     def _add_part(self, body: mujoco.MjsBody, owner: int, of: WorldBody, part: BodyPart) -> None:
-        """Add a solid part of a body of the world."""
+        """Add a part of a body of the world."""
         touches = {
             "fixed": GROUND if part.ground else FIXED,
             "movable": MOVABLE_GROUND if part.ground else BODY,
@@ -318,7 +318,7 @@ class SceneBuilder:
             case MeshShape(mesh) if part.shape.convex or of.kind != "fixed":
                 add("mesh", (), mesh=self._mesh(mesh))
             case MeshShape(mesh):
-                # Rays meet its triangles; it collides as convex pieces of them.
+                # Rays hit its triangles; it collides as convex pieces of them.
                 name = self._mesh(mesh, whole=True)
                 self._add(body, owner, "mesh", (), part.pose, NOTHING, of.friction, part.ground, group, name)
                 for piece in convex_pieces(mesh):
@@ -392,7 +392,7 @@ class SceneBuilder:
         found.slide.append(axis)
 
     def _mesh(self, mesh: Mesh, whole: bool = False) -> str:
-        """The name of a mesh among the assets: of all its triangles if ``whole``, else of its hull's corners."""
+        """Return the name of a mesh among the assets: with all triangles if ``whole``, else the corners of its hull."""
         if (name := self._known_meshes.get(id(mesh))) is not None:
             return name
         self._kept.append(mesh)
@@ -401,7 +401,7 @@ class SceneBuilder:
         added = self._spec.add_mesh(name=name, uservert=corners.ravel())
         if whole and len(corners) == len(mesh.vertices):
             added.userface = mesh.triangles.ravel()
-        added.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # takes open ones, too; nothing is weighed by it
+        added.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # allows open meshes; the inertia is not used
         return name
 
     def _height_field(self, shape: HeightMapShape) -> tuple[str, float]:
@@ -421,7 +421,7 @@ class SceneBuilder:
 
 
 def thickened(vertices: Floats) -> Floats:
-    """The same points, if they span a body; those of a plane or a line, once more beside it."""
+    """Return the points if they span a volume; otherwise with copies beside the plane or line that they are in."""
     around = np.unique(vertices, axis=0) - vertices.mean(axis=0)
     around = np.concatenate([around, np.zeros((max(0, 3 - len(around)), 3))])  # three axes, also for a line or a point
     _, extents, axes = np.linalg.svd(around, full_matrices=False)
@@ -432,7 +432,7 @@ def thickened(vertices: Floats) -> Floats:
 
 
 def wxyz(orientation: Sequence[float]) -> tuple[float, float, float, float]:
-    """MuJoCo's order of a quaternion (x, y, z, w)."""
+    """Convert a quaternion (x, y, z, w) to MuJoCo's order."""
     x, y, z, w = orientation
     return w, x, y, z
 

@@ -1,4 +1,4 @@
-"""The world in MuJoCo, whose state is in arrays that bodies share."""
+"""The world in MuJoCo, whose state is in arrays that the bodies share."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ SECOND = 1_000_000_000
 Floats = NDArray[np.float64]
 
 STANDING = 0.7
-"""Least vertical part of a contact's normal on a ramp or height map that is not a collision: cos 45 degrees."""
+"""Vertical part of a contact's normal above which standing on a ramp or height map is no collision: cos 45 degrees."""
 _SKY = 1e4
-"""m; nothing is farther."""
+"""m; nothing is farther away."""
 _SMOOTH = 0.1
-"""The most friction of what slides on whatever happens in a step, as a caster."""
+"""Friction up to which a contact is assumed to keep sliding through a step, as a caster's does."""
 _LIFT = 0.002
-"""m/s; a contact that sliding lifts by less is not looked at again."""
+"""m/s; a contact that sliding lifts by less is not solved again."""
 _LEAST_FRICTION: float = mujoco.mjMINMU
-"""Without any, the engine lets a contact give way: what stands on it would sink into the ground."""
+"""Without any friction, the engine lets a contact give way, and a body standing on it sinks into the ground."""
 _AROUND = 12
-"""Directions in which the ground about a place is looked at."""
+"""Directions in which the ground around a point is sampled."""
 
 
 class _Sliding(NamedTuple):
     """Contacts by their rows among the constraints, shape (n,): their friction along both tangents, shape (n, 2), and
-    the normal acceleration [m/s2] that they ask for without sliding."""
+    the normal acceleration [m/s2] that they require without sliding."""
 
     rows: NDArray[np.int32]
     friction: Floats
@@ -57,8 +57,8 @@ class _Sliding(NamedTuple):
 
 
 class _LinkPlan(NamedTuple):
-    """Where the numbers of links are: their places in their parts (of arrays); which of them are ``at_root``, the rows
-    of the bodies of these, and the numbers of the parts of the others."""
+    """How to read the poses of links: their poses in their parts (of arrays); which of them are on a root part
+    (``at_root``), with the rows of those bodies; and the part numbers of the others."""
 
     places: Pose3
     at_root: NDArray[np.bool_]
@@ -67,10 +67,10 @@ class _LinkPlan(NamedTuple):
 
 
 class MujocoWorld:
-    """Implements ``World``. Opened by ``with``; bodies, obstacles and ground follow ``description``.
+    """Implements ``World``. Opened by ``with``; bodies, obstacles and ground come from ``description``.
 
-    The model is compiled when it is needed and not current: a hundred robots are spawned as fast as one. Bodies are
-    kept in the order of their spawning, which is that of the engine's arrays.
+    The model is compiled only when it is needed and out of date: a hundred robots are spawned as fast as one. Bodies
+    are kept in the order of their spawning, which is that of the engine's arrays.
     """
 
     def __init__(self, description: WorldDescription, step_ns: int) -> None:
@@ -89,7 +89,7 @@ class MujocoWorld:
         self._steps, self._pushed, self._fresh = 0, False, False
         self._velocity = np.zeros(6)
         self._touching: tuple[Contact, ...] | None = ()
-        # What is wrong with the world is told before anything is spawned.
+        # Compile now, so that errors in the world are reported before anything is spawned.
         self._current()
         return self
 
@@ -105,7 +105,7 @@ class MujocoWorld:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All bodies, in the order of their spawning."""
+        """Names of all spawned bodies, in the order of their spawning."""
         return tuple(self._bodies)
 
     def body(self, name: str) -> MujocoBody:
@@ -115,14 +115,14 @@ class MujocoWorld:
 
     @property
     def world_bodies(self) -> tuple[str, ...]:
-        """The world's movable and moving bodies."""
+        """Names of the world's movable and moving bodies."""
         return tuple(self._world_bodies)
 
     def world_body_state(self, name: str) -> BodyState:
         return self._world_body(name).state()
 
     def overlaps_at_start(self) -> tuple[str, ...]:
-        """Movable bodies that the world's file puts into something else: the first step throws them out."""
+        """Return the movable bodies that the world's file places inside others; the first step throws them out."""
         found = []
         for name, each in self._world_bodies.items():
             if each.body.kind == "movable":
@@ -133,7 +133,7 @@ class MujocoWorld:
         return tuple(found)
 
     def ground_height(self, x: float, y: float, radius: float) -> float:
-        """The highest ground within ``radius`` of a place, m: that of ramps, height maps and floors, or 0."""
+        """Return the highest ground within ``radius`` of a point, m: of ramps, height maps and floors, or 0."""
         highest = 0.0
         if self._checker.has_grounds:
             for step in range(_AROUND * 3):
@@ -143,7 +143,7 @@ class MujocoWorld:
         return highest
 
     def spawn(self, body: Body) -> MujocoBody:
-        """Add a body; raises BadInput for a taken name, an overlap, or a URDF without a motor's joint."""
+        """Add a body; raises BadInput for a taken name, an overlap, or a URDF that lacks a motor's joint."""
         if body.name in self._bodies:
             raise BadInput(f"a body named {body.name!r} is already in the world; delete it first")
         if body.name in self._obstacles:
@@ -155,14 +155,14 @@ class MujocoWorld:
         return added
 
     def delete(self, name: str) -> None:
-        """Take a body out."""
+        """Delete a body."""
         self.body(name)
         self._change_bodies()
         del self._bodies[name]
         self._touching = tuple(each for each in self.contacts() if name not in each)
 
     def reset(self) -> None:
-        """Put everything where it was at first, and forget what the solver knows: bit for bit a fresh start."""
+        """Return everything to its initial state, and clear the solver's: bit for bit a fresh start."""
         self._current()
         mujoco.mj_resetData(self._model, self._data)
         self._touching, self._steps = (), 0
@@ -175,8 +175,8 @@ class MujocoWorld:
     def step(self) -> None:
         """Advance by ``step_ns``, in the stages of ``mj_step``.
 
-        Between them the friction of contacts becomes the product of that of what touches, and the motors get their
-        speeds.
+        In between, each contact's friction is set to the product of that of both sides, and the motors' speeds are
+        applied.
         """
         self._current()
         model, data, seconds = self._model, self._data, self._step_ns / SECOND
@@ -212,7 +212,7 @@ class MujocoWorld:
         self._fresh, self._touching = False, None
 
     def set_state(self, name: str, state: BodyState) -> None:
-        """Move a body, or a movable one of the world; raises BadInput where it would overlap."""
+        """Move a body, or a movable one of the world; raises BadInput if it would overlap."""
         pose = Pose3(state.position, state.orientation)
         if name in self._world_bodies:
             self._set_world_body_state(name, state)
@@ -223,7 +223,7 @@ class MujocoWorld:
         body.set_velocity(state.linear, state.angular)
 
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
-        """Put joints at positions, at rest; raises BadInput where the body would overlap then."""
+        """Set joint positions, at rest; raises BadInput if the body would then overlap."""
         body = self.body(name)
         pose, joints = body.configuration
         for joint in positions:
@@ -251,15 +251,15 @@ class MujocoWorld:
         return np.concatenate(self._frames(plan) @ plan.places).T
 
     def contacts(self) -> tuple[Contact, ...]:
-        """The pairs that touched in the last step; who stands on a ramp, say, does not touch it."""
+        """Return the pairs that touched in the last step; standing on a ramp, for example, does not count."""
         if self._touching is None:
             self._touching = self._find_contacts()
         return self._touching
 
     def cast_rays(self, origins: Floats, ends: Floats) -> Floats:
-        """How far rays get, as a fraction of their length; inf where nothing is hit.
+        """Cast rays; return the distance to the first hit as a fraction of each ray's length, inf without a hit.
 
-        Rays with one origin that follow each other are cast together.
+        Consecutive rays with the same origin are cast together.
         """
         self.refresh()
         vectors = ends - origins
@@ -276,9 +276,9 @@ class MujocoWorld:
     def cast_fans(
         self, links: Sequence[tuple[str, str]], mount: Pose3, rays: Floats, near: float, far: float
     ) -> Floats:
-        """How far the rays of equal sensors get, all of one together; a third of the time of as many single ones.
+        """Cast the rays of identical sensors, all of one together: a third of the time of as many single rays.
 
-        The part that carries the sensor is left out: what rays meet of it is always the same, and known.
+        The part that carries the sensor is excluded: where rays hit it never changes, and is known.
         """
         self.refresh()
         seen = self._seen_by_rays()
@@ -313,23 +313,23 @@ class MujocoWorld:
         return near + distance if distance >= 0 else inf
 
     def render(self, eye: Pose3, camera: CameraModel) -> bytes:
-        """A picture, drawn by OpenGL; raises BadInput where there is no library for it."""
+        """Render an image by OpenGL; raises BadInput if there is no library for it."""
         self.refresh()
         if self._camera is None:
             self._camera = MujocoCamera(self.description, tuple(body.placed for body in self._bodies.values()))
         return self._camera.render(self._data, eye, camera)
 
     def close(self) -> None:
-        """End the world."""
+        """Release the models and OpenGL."""
         self._checker.close()
         self._close_camera()
 
     def positions_changed(self) -> None:
-        """Positions were set: what follows from them is out of date."""
+        """Mark derived positions as out of date, after positions were set."""
         self._fresh = False
 
     def refresh(self) -> None:
-        """Bring the places of all parts up to date."""
+        """Update the poses of all parts."""
         self._current()
         if self._fresh:
             return
@@ -340,14 +340,14 @@ class MujocoWorld:
         self._fresh = True
 
     def part_pose(self, body: str, part: int) -> Pose3:
-        """Where the frame of a part is."""
+        """Return the pose of a part's frame in the world."""
         self.refresh()
         number = self._first_parts[body] + part
         x, y, z = self._data.xpos[number].tolist()
         return Pose3((x, y, z), orientation_of(self._data.xquat[number].tolist()))
 
     def part_state(self, body: str, part: int) -> BodyState:
-        """How the frame of a part moves."""
+        """Return pose and velocity of a part's frame in the world."""
         pose = self.part_pose(body, part)
         self._compute_velocities()
         wx, wy, wz, vx, vy, vz = self._part_velocity(self._first_parts[body] + part)
@@ -384,7 +384,7 @@ class MujocoWorld:
         return plan
 
     def _frames(self, plan: _LinkPlan) -> Pose3:
-        """Where the parts of the links are; of arrays."""
+        """Return the poses of the links' parts, of arrays."""
         frames: Any = np.empty((7, len(plan.at_root)))
         if len(plan.roots):
             frames[:, plan.at_root] = self._root_frames(plan.roots)
@@ -395,7 +395,7 @@ class MujocoWorld:
         return Pose3(frames[:3], frames[3:])
 
     def _root_frames(self, rows: NDArray[np.intp]) -> Floats:
-        """Where the roots of bodies are, shape (7, n)."""
+        """Return the poses of bodies' roots, shape (7, n)."""
         if not self._free_in_order:
             return self.states()[rows, :7].T
         frames: Floats = self._data.qpos[self._root_positions[rows]].T[[0, 1, 2, 4, 5, 6, 3]]
@@ -406,12 +406,12 @@ class MujocoWorld:
         mujoco.mj_comVel(self._model, self._data)
 
     def _part_velocity(self, number: int) -> tuple[float, ...]:
-        """Turn rate and velocity of the frame of a part."""
+        """Return turn rate and velocity of a part's frame."""
         mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY, number, self._velocity, 0)
         return tuple(self._velocity.tolist())
 
     def joint_inertias(self, body: str) -> Floats:
-        """The inertia about each of the joints of a body, in the order of its rates."""
+        """Return the inertia about each rate of a body, the root's six first unless it is fixed."""
         self.refresh()
         model, data = self._model, self._data
         mujoco.mj_comPos(model, data)
@@ -420,7 +420,7 @@ class MujocoWorld:
         return found
 
     def push(self, body: str, part: int, force: Vector, torque: Vector, point: Vector) -> None:
-        """Act on a part in the next step."""
+        """Apply a wrench to a part in the next step."""
         self.refresh()
         number = self._first_parts[body] + part
         mujoco.mj_comPos(self._model, self._data)
@@ -451,11 +451,11 @@ class MujocoWorld:
         return {other: (body.placed, body.configuration) for other, body in self._bodies.items() if other != name}
 
     def _places(self) -> dict[str, Pose3]:
-        """Where the world's movable and moving bodies are."""
+        """Return the poses of the world's movable and moving bodies."""
         return {name: each.pose for name, each in self._world_bodies.items()}
 
     def _change_bodies(self) -> None:
-        """The model no longer has what is in the world; what touched in the last step is noted before it goes."""
+        """Mark the model as out of date; the contacts of the last step are read before it is gone."""
         self._touching = self.contacts()
         self._scene = None
         self._close_camera()
@@ -466,12 +466,12 @@ class MujocoWorld:
             self._camera = None
 
     def _current(self) -> None:
-        """Compile what is in the world now, unless the model has it already."""
+        """Compile the model if it is out of date."""
         if self._scene is None:
             self._compile()
 
     def _compile(self) -> None:
-        """Compile the model; every body takes its state along."""
+        """Compile the model; every body keeps its state."""
         placed = [body.placed for body in self._bodies.values()]
         scene = self._scene = build_scene(self.description, placed, self._step_ns / SECOND)
         model = self._model = scene.model
@@ -513,8 +513,7 @@ class MujocoWorld:
         self._fresh = False
 
     def _set_contact_friction(self) -> None:
-        """Friction as Coulomb's law of two materials has it here: the product of both, in all directions alike, but
-        for links that slide along an axis."""
+        """Set each contact's friction to the product of both sides', alike in all directions unless a link slides."""
         scene, contact = self._scene, self._data.contact
         assert scene is not None
         pairs = contact.geom
@@ -540,12 +539,12 @@ class MujocoWorld:
             contact.friction[index, :2] = friction, SLIDING_SHARE * friction
 
     def _set_contact_motion(self) -> _Sliding | None:
-        """Tell the solver what contacts are to do in this step; returns those whose sliding is to be looked at again.
+        """Set the normal accelerations of contacts; return those whose sliding has to be checked after solving.
 
-        Those that have depth lose a quarter of it and all of their approach; what is still apart may come together. The
-        engine's friction is the convex one, with which a contact that slides with v lifts by mu v: that is taken away,
-        since casters would hop and a burger drive 1 % short. Whether one with much friction slides on is known when the
-        step is solved.
+        Contacts with depth lose a quarter of it and all of their approach speed; those still apart may close their gap.
+        The engine's friction is the convex model, in which a contact that slides with v lifts by mu v. That is
+        subtracted, since otherwise casters hop and a burger drives 1 % short. Whether a contact with much friction
+        keeps sliding is known only after the step is solved.
         """
         data, seconds = self._data, self._step_ns / SECOND
         contact = data.contact
@@ -562,7 +561,7 @@ class MujocoWorld:
         return _Sliding(rows[rough], friction[rough], motion[rough]) if rough.any() else None
 
     def _solve_again(self, sliding: _Sliding) -> None:
-        """Solve the step for the sliding that the first solution has."""
+        """Solve the step again, for the sliding found in the first solution."""
         data = self._data
         left = np.zeros(data.nefc)
         mujoco.mj_mulJacVec(self._model, data, left, data.qacc)
@@ -583,7 +582,7 @@ class MujocoWorld:
         owners = scene.owner[pairs]
         counts = (owners[:, 0] >= 0) & (owners[:, 1] >= 0) & (owners[:, 0] != owners[:, 1])
         counts &= ~(scene.ground[pairs].any(axis=1) & (np.abs(data.contact.frame[:, 2]) > STANDING))
-        # What is near is listed, too; a touch has depth or transmits a force.
+        # Near misses are also listed; a contact has depth or transmits a force.
         rows = data.contact.efc_address
         counts &= (data.contact.dist <= 0) | ((rows >= 0) & (data.efc_force[np.maximum(rows, 0)] > 0))
         found = set()
@@ -604,7 +603,7 @@ class MujocoWorld:
         exclude: int = -1,
         far: float = _SKY,
     ) -> None:
-        """How far rays get from one origin, in lengths of ``vectors``; -1 where nothing is hit."""
+        """Cast rays from one origin; write their distances, in lengths of ``vectors``, -1 without a hit."""
         model, data, count = self._seen_by_rays().model, self._data, len(vectors)
         if count == 1:
             distance[0] = mujoco.mj_ray(model, data, origin, vectors[0], SEEN_GROUPS, 1, exclude, hit[:1])
@@ -623,7 +622,7 @@ class MujocoWorldBody:
         self.start()
 
     def start(self) -> None:
-        """Put it where the world's file has it, at rest."""
+        """Return it to its pose in the world's file, at rest."""
         self.velocities[:] = 0.0
         if self.body.path is not None:
             self.positions[:] = 0.0
@@ -631,12 +630,12 @@ class MujocoWorldBody:
             self.place(self.body.pose)
 
     def bind(self, positions: Floats, velocities: Floats) -> None:
-        """Go on in the arrays of a new model."""
+        """Move its state into the arrays of a new model."""
         self.positions, self.velocities = _moved(self.positions, positions), _moved(self.velocities, velocities)
 
     @property
     def pose(self) -> Pose3:
-        """Where it is."""
+        """Its pose in the world."""
         if self.body.path is not None:
             x, y, z = (a + b for a, b in zip(self.body.pose.position, self.positions.tolist(), strict=True))
             return Pose3((x, y, z), self.body.pose.orientation)
@@ -644,24 +643,24 @@ class MujocoWorldBody:
         return Pose3((x, y, z), orientation_of(quaternion))
 
     def state(self) -> BodyState:
-        """Pose and velocity of its frame."""
+        """Return pose and velocity of its frame."""
         pose = self.pose
         vx, vy, vz, *turn = self.velocities.tolist()
         angular = rotate(pose.orientation, (turn[0], turn[1], turn[2])) if turn else (0.0, 0.0, 0.0)
         return BodyState(*pose, (vx, vy, vz), angular)
 
     def place(self, pose: Pose3) -> None:
-        """Move it, unchecked."""
+        """Set its pose, without a check."""
         self.positions[:] = (*pose.position, *wxyz(pose.orientation))
         self._world.positions_changed()
 
     def set_state(self, state: BodyState) -> None:
-        """Move it, unchecked, and set how it moves."""
+        """Set its pose and velocity, without a check."""
         self.place(Pose3(state.position, state.orientation))
         self.velocities[:] = (*state.linear, *rotate_inverse(state.orientation, state.angular))
 
     def follow_path(self, seconds: float, step: float) -> None:
-        """Put a moving body where its path is at a time [s], with the speed that takes it along in the next step."""
+        """Place a moving body on its path at a time [s], with the speed that keeps it on the path in the next step."""
         path = self.body.path
         assert path is not None
         here, there = path.position_at(seconds), path.position_at(seconds + step)
@@ -671,6 +670,6 @@ class MujocoWorldBody:
 
 
 def _moved(old: Floats, new: Floats) -> Floats:
-    """The numbers of one array, in another of the same length."""
+    """Copy one array into another of the same length, and return that."""
     new[:] = old
     return new

@@ -1,4 +1,4 @@
-"""The bodies of a world in PyBullet: fixed ones piece by piece, movable and moving ones each as one body."""
+"""The bodies of a world in PyBullet: fixed ones piece by piece, movable and moving ones as one body each."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from services.sim.physics.collision_groups import BODY, FIXED, GROUND, MOVING_GR
 from services.sim.physics.world import BodyState
 
 MOST_TRIANGLES = 80_000
-"""Of one collision shape; PyBullet takes 131,072 corners and 524,288 indices, larger meshes become several bodies."""
+"""Per collision shape; PyBullet's limits are 131,072 corners and 524,288 indices, so larger meshes become several
+bodies."""
 _DRAWN_ROWS = 200
-"""Rows and columns of a height map in the camera's pictures."""
+"""Rows and columns of a height map in camera images."""
 _SKY = 1e4
 """m; nothing is higher."""
 _BENEATH = 0.001
-"""m; a ray goes on so far below what it met: from inside a convex shape it sees no more of it."""
+"""m; a ray continues this far below its last hit: from inside a convex shape it does not hit that again."""
 _NONE = -1
 
 
 @dataclass
 class LoadedWorld:
-    """What was loaded: the names of all bodies but the ground by their numbers, the numbers of those on which wheels
-    roll, those of height maps among them, and the handles of those that are not fixed."""
+    """What was loaded: the names of all bodies except the ground by number, the numbers of those that wheels roll on,
+    of those the height maps, and the handles of bodies that are not fixed."""
 
     names: dict[int, str] = field(default_factory=dict)
     grounds: set[int] = field(default_factory=set)
@@ -50,14 +51,14 @@ class WorldBodyHandle:
     centre: Vector
 
     def state(self) -> BodyState:
-        """Pose and velocity of its frame; PyBullet knows those of the centre of mass, v = v_c - w x R c."""
+        """Return pose and velocity of its frame; PyBullet has those of the centre of mass, v = v_c - w x R c."""
         position, orientation = pybullet.getBasePositionAndOrientation(self.number, self.client)
         linear, angular = pybullet.getBaseVelocity(self.number, self.client)
         arm = rotate(orientation, self.centre)
         return BodyState(_minus(position, arm), orientation, _minus(linear, _cross(angular, arm)), angular)
 
     def set_state(self, state: BodyState) -> None:
-        """Move it, unchecked."""
+        """Set its pose and velocity, without a check."""
         arm = rotate(state.orientation, self.centre)
         x, y, z = _cross(state.angular, arm)
         linear = state.linear[0] + x, state.linear[1] + y, state.linear[2] + z
@@ -65,12 +66,12 @@ class WorldBodyHandle:
         pybullet.resetBaseVelocity(self.number, linear, state.angular, physicsClientId=self.client)
 
     def set_pose(self, pose: Pose3) -> None:
-        """Move it, unchecked and without a change of its velocity's record."""
+        """Set its pose, without a check and without changing its velocity."""
         place = pose @ Pose3(self.centre)
         pybullet.resetBasePositionAndOrientation(self.number, *place, physicsClientId=self.client)
 
     def follow_path(self, seconds: float, step: float) -> None:
-        """Put a moving body where its path is at a time [s], with the speed that takes it along in the next step."""
+        """Place a moving body on its path at a time [s], with the speed that keeps it on the path in the next step."""
         path = self.body.path
         assert path is not None
         here, there = path.position_at(seconds), path.position_at(seconds + step)
@@ -80,7 +81,7 @@ class WorldBodyHandle:
 
 
 def load_bodies(client: int, world: WorldDescription, loaded: LoadedWorld) -> None:
-    """Put the bodies of a world into a client, in their order; raises BadInput for what PyBullet refuses."""
+    """Load the bodies of a world into a client, in their order; raises BadInput if PyBullet refuses one."""
     for body in world.bodies:
         try:
             if body.kind == "fixed":
@@ -92,7 +93,7 @@ def load_bodies(client: int, world: WorldDescription, loaded: LoadedWorld) -> No
 
 
 def ground_height(client: int, grounds: Collection[int], x: float, y: float) -> float | None:
-    """The height [m] of the highest of some bodies at a place; None where there is none of them."""
+    """Return the height [m] of the highest of these bodies at a point; None if none is there."""
     top = _SKY
     while grounds:
         hit = pybullet.rayTest((x, y, top), (x, y, -_SKY), physicsClientId=client)[0]
@@ -110,7 +111,7 @@ def _load_fixed(client: int, body: WorldBody, loaded: LoadedWorld) -> None:
         pose = body.pose @ part.pose
         for shape, look, offset in _fixed_pieces(client, part):
             at = pose @ Pose3(offset)
-            # As a plain rigid body, a fixed one costs a twentieth of the step that it costs as a multibody.
+            # As a plain rigid body, a fixed one takes a twentieth of the step time of a multibody.
             number = pybullet.createMultiBody(0, shape, look, *at, useMaximalCoordinates=1, physicsClientId=client)
             _register(client, number, _NONE, body, part, loaded)
 
@@ -128,7 +129,7 @@ def _register(client: int, number: int, link: int, body: WorldBody, part: BodyPa
 
 
 def _load_moving(client: int, body: WorldBody, loaded: LoadedWorld) -> None:
-    """One multibody about the centre of mass: with one part its base is that part, with several they are links."""
+    """Load one multibody about the centre of mass; a single part is its base, several parts are links."""
     properties = mass_properties(body)
     centre = properties.centre
     places = [Pose3(_minus(part.pose.position, centre), part.pose.orientation) for part in body.parts]
@@ -173,12 +174,12 @@ def _load_moving(client: int, body: WorldBody, loaded: LoadedWorld) -> None:
 
 
 def _fixed_pieces(client: int, part: BodyPart) -> list[tuple[int, int, Vector]]:
-    """Collision and visual shapes of a part that does not move, and where each is in the part's frame."""
+    """Return collision and visual shapes of a part that does not move, and the position of each in the part's frame."""
     shape, origin = part.shape, (0.0, 0.0, 0.0)
     if not part.solid:
         return [(_NONE, _visual_shape(client, part, IDENTITY), origin)]
     if isinstance(shape, HeightMapShape):
-        middle = float(shape.heights.min() + shape.heights.max()) / 2  # Bullet centres what it is given
+        middle = float(shape.heights.min() + shape.heights.max()) / 2  # Bullet centres height fields vertically
         look = _visual_shape(client, part, Pose3((0.0, 0.0, -middle)))
         return [(_height_field(client, shape), look, (0.0, 0.0, middle))]
     if isinstance(shape, MeshShape) and not shape.convex:
@@ -203,7 +204,7 @@ def _height_field(client: int, shape: HeightMapShape) -> int:
 
 
 def _movable_shape(client: int, part: BodyPart, place: Pose3) -> int:
-    """A convex collision shape at ``place`` in the frame of what carries it."""
+    """Return a convex collision shape at ``place`` in the frame of its body or link."""
     match part.shape:
         case MeshShape(mesh):
             return _hull(client, hull_points(mesh).tolist(), place)
@@ -237,7 +238,7 @@ def _trimesh(client: int, mesh: Mesh) -> int:
 
 
 def _primitive(shape: Shape, length: str) -> dict[str, object]:
-    """The arguments of a box, cylinder or sphere; the name of a cylinder's length differs."""
+    """Return the arguments of a box, cylinder or sphere; the name of a cylinder's length differs."""
     match shape:
         case BoxShape((x, y, z)):
             return {"shapeType": pybullet.GEOM_BOX, "halfExtents": (x / 2, y / 2, z / 2)}
@@ -253,7 +254,7 @@ def _primitive(shape: Shape, length: str) -> dict[str, object]:
 def _visual_shape(client: int, part: BodyPart, place: Pose3) -> int:
     shape = part.shape
     if not part.visible:
-        # What has no visual shape is drawn as it collides: it gets one that nobody sees.
+        # Without a visual shape, the collision shape is drawn: add one that is too small to see.
         arguments: dict[str, object] = {"shapeType": pybullet.GEOM_SPHERE, "radius": 1e-6}
     elif isinstance(shape, MeshShape | RampShape | HeightMapShape):
         mesh = next(iter(_chunks(_drawn_mesh(shape))))
@@ -276,7 +277,7 @@ def _visual_shape(client: int, part: BodyPart, place: Pose3) -> int:
 
 
 def _drawn_mesh(shape: MeshShape | RampShape | HeightMapShape) -> Mesh:
-    """With corners of its own for each triangle, so that edges look sharp."""
+    """Return the mesh to draw, with separate corners for each triangle, so that edges look sharp."""
     match shape:
         case MeshShape(mesh):
             if len(mesh.triangles) * 3 > MOST_TRIANGLES:
@@ -290,7 +291,7 @@ def _drawn_mesh(shape: MeshShape | RampShape | HeightMapShape) -> Mesh:
 
 
 def _normals(mesh: Mesh) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Of the corners: the mean of those of their triangles, weighted by area."""
+    """Return the normals at the corners: the mean of those of their triangles, weighted by area."""
     corners = mesh.vertices[mesh.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     sums = np.zeros_like(mesh.vertices)
@@ -301,7 +302,7 @@ def _normals(mesh: Mesh) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
 
 
 def _chunks(mesh: Mesh) -> Iterable[Mesh]:
-    """A mesh in pieces that PyBullet takes."""
+    """Split a mesh into pieces within PyBullet's limits."""
     if len(mesh.triangles) <= MOST_TRIANGLES and len(mesh.vertices) <= 1.5 * MOST_TRIANGLES:
         yield mesh
         return
