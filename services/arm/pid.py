@@ -156,7 +156,7 @@ class TutorialPid:
 
         Args:
             gains: The gains.
-            guard: Bound of the summed error [deg s].
+            guard: Limit of the summed error [deg s].
             error: Set-point minus angle [deg].
             angle: Angle [deg], for the gravity feed-forward, which the tutorial does not have.
             dt: Time since the step before [s]; 0 if unknown.

@@ -239,8 +239,7 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
     enable_odom_tf: Annotated[bool, Meta(description="Publish odometry on /tf.")] | None = None
     odom_frame_id: Annotated[str, _name("Parent frame of odometry, without the frame prefix.")] | None = None
     base_frame_id: (
-        Annotated[str, _name("Child frame of odometry, without the frame prefix; the root link by default.")]
-        | None
+        Annotated[str, _name("Child frame of odometry, without the frame prefix; the root link by default.")] | None
     ) = None
     controller: (
         Annotated[str, _name("Namespace within the robot's in which commands and odometry get second topic names.")]
