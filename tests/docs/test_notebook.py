@@ -39,7 +39,9 @@ def test_it_drives_a_robot_and_plots_its_run(tmp_path: Path) -> None:
     cells = json.loads(NOTEBOOK.read_text())["cells"]
     assert "./elea up turtlebot3 --set world=arena --record --detach" in "".join(cells[0]["source"])
     command = ["up", "turtlebot3", "--set", "world=arena", "--record", "--detach", "--report", "run"]
-    started = terminal.run(*command, "--no-view", "--no-picture", "--no-saved", "--port", str(terminal.port))
+    started = terminal.run(
+        *command, "--factor", "2", "--no-view", "--no-picture", "--no-saved", "--port", str(terminal.port)
+    )
     assert started.status == 0, started.err
     try:
         done = subprocess.run(
