@@ -116,7 +116,7 @@ class ReferenceInterpolator:
             self._extrapolate(self._slope, self._previous_slope)
 
     def age(self, now: int) -> float:
-        """Time since the last sample [s]; inf before the first."""
+        """Return the time since the last sample [s]; inf before the first."""
         return math.inf if self.sample is None else (now - self._arrival) * NS
 
     def at(self, now: int, smooth: bool, span: int = 0) -> SetPoint:
