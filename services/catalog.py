@@ -36,8 +36,8 @@ def load_named_service(kind: str, where: str = "") -> Service:
 
 
 def is_user_file(kind: str) -> bool:
-    """Whether a fleet's ``kind`` is a file rather than a service name: it ends in .py, or, as ROS scripts may, has only
-    a folder."""
+    """Whether a fleet's ``kind`` is a file rather than a service name: it ends in .py or contains a slash, since ROS
+    scripts may lack the suffix."""
     return kind.endswith(".py") or "/" in kind
 
 
