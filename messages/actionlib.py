@@ -35,8 +35,7 @@ _TERMINAL = frozenset(
 
 
 class GoalID(Message, frozen=True, kw_only=True):
-    """ID and creation time of a goal. To cancel: the goal with the ID, all up to the stamp, or, if both are empty,
-    all."""
+    """ID and creation time of a goal. To cancel: the goal with the ID, all up to the stamp; all if both are empty."""
 
     ROS_TYPE: ClassVar[str] = "actionlib_msgs/GoalID"
     stamp: Time = Time()

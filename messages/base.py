@@ -181,11 +181,11 @@ class Array:
         return np.array(view, dtype=dtype, copy=copy)
 
     def numpy(self) -> np.ndarray:
-        """The values as a read-only numpy array of ``shape``."""
+        """Return the values as a read-only numpy array of ``shape``."""
         return self.__array__()
 
     def tolist(self) -> list[float]:
-        """The values as a flat list of Python numbers, in row-major order."""
+        """Return the values as a flat list of Python numbers, in row-major order."""
         values: list[float] = [*self._numbers()]
         return values
 
@@ -248,8 +248,8 @@ Matrix3 = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
 M = TypeVar("M")
 _TYPECODES: dict[str, Literal["d", "f"]] = {"<f8": "d", "<f4": "f"}
 _HEADS: dict[tuple[type, int], tuple[bytes, tuple[int, ...]]] = {}
-"""By type and size of the extension: the bytes before the values of a validated array, and its shape. A robot has few
-array sizes, and decoding with this cache takes a third of the time of parsing ``[dtype, shape, raw]``."""
+"""Headers of validated arrays, by type and size of the extension: the bytes before the values, and the shape. A robot
+has few array sizes, and decoding with this cache takes a third of the time of parsing ``[dtype, shape, raw]``."""
 _MOST_HEADS = 64
 _NO_HEAD: tuple[bytes, tuple[int, ...]] = b"", ()
 _parts = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], bytes]).decode
@@ -314,8 +314,7 @@ and a thread that decodes such a record in the meantime crashes the process."""
 
 
 def decoder(record: type[M]) -> Callable[[bytes], M]:
-    """Return a function that decodes MessagePack bytes to ``record``; it raises WrongPayload with the path of the
-    field."""
+    """Return a decoder of MessagePack bytes to ``record``; it raises WrongPayload with the path of the field."""
     decode = raw_decoder(record)
 
     def checked(payload: bytes) -> M:

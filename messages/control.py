@@ -46,7 +46,7 @@ class JointTrajectoryControllerState(Message, frozen=True, kw_only=True):
 
 
 class JointTolerance(Message, frozen=True, kw_only=True):
-    """Tolerance of a joint: 0 keeps the controller's own tolerance, a negative value means none."""
+    """Tolerance of a joint: 0 keeps the controller's own tolerance, a negative value means no limit."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/JointTolerance"
     name: NameStr = ""

@@ -40,7 +40,7 @@ class OutputHealth(Message, frozen=True, kw_only=True):
 
 
 class Health(Message, frozen=True, kw_only=True):
-    """The heartbeat of a node, published by its own loop; without it, the loop hangs.
+    """The heartbeat of a node, published by its own loop; if it stops, the loop hangs.
 
     ``missed`` counts ticks skipped because the node was late. ``received`` to ``sent`` are totals over all topics;
     ``reads`` and ``writes`` are the numbers of topics that the node subscribes to and publishes. ``inputs`` and

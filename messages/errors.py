@@ -33,8 +33,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") ->
 
 
 def did_you_mean(name: str, known: Iterable[str], count: int = 1) -> str:
-    """Return ``; did you mean '/tb3_0/odom'?``, to append to an error about an unknown name; empty if none is
-    similar."""
+    """Return ``; did you mean '/tb3_0/odom'?``, to append to an error on an unknown name; empty if none is similar."""
     near = [repr(each) for each in nearest(name, known, count)]
     listed = " or ".join(filter(None, (", ".join(near[:-1]), *near[-1:])))
     return f"; did you mean {listed}?" if near else ""

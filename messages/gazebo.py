@@ -89,8 +89,7 @@ class LinkProperties(Message, frozen=True, kw_only=True):
 
 
 class ModelProperties(Message, frozen=True, kw_only=True):
-    """The parts of a model. ``is_static``: its root is fixed to the world; ``mass`` [kg] is that of the moving
-    links."""
+    """The parts of a model. ``is_static``: its root is fixed to the world; ``mass`` [kg]: of the moving links."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ModelProperties"
     name: str = ""

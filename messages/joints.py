@@ -1,5 +1,4 @@
-"""elea_msgs of joints: efforts as in Gazebo's ``apply_joint_effort``, targets from controllers, and joint
-properties."""
+"""elea_msgs of joints: efforts as in Gazebo's ``apply_joint_effort``, controllers' targets, and joint properties."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -55,8 +54,7 @@ class JointCommand(Message, frozen=True, kw_only=True):
 
 
 class JointProperties(Message, frozen=True, kw_only=True):
-    """Properties of a joint (its URDF type, damping, friction, limits) and its state (position, rate, applied
-    effort)."""
+    """Properties of a joint (URDF type, damping, friction, limits) and its state (position, rate, applied effort)."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointProperties"
     model: str = ""

@@ -14,8 +14,8 @@ Value = Scalar | Annotated[tuple[Scalar | _Scalars, ...], Meta(max_length=10_000
 """A parameter's value: a scalar, a list of scalars, or a list of such lists, each of at most 10,000 items."""
 
 Origin = Literal["default", "fleet", "saved", "command line", "run"]
-"""Where a value comes from; a later one in this list takes precedence. ``run`` values apply to this run only and are
-never saved."""
+"""Origin of a value; a later one in this list takes precedence. ``run`` values apply to this run only and are never
+saved."""
 
 SetName = Annotated[str, Meta(max_length=255)]
 RequestId = Annotated[str, Meta(max_length=64)]

@@ -27,8 +27,7 @@ class Pose2(NamedTuple):
 
     @classmethod
     def aligning(cls, there: Pose2, here: Pose2) -> Pose2:
-        """Return the transform that maps ``here``, a pose in one frame, to ``there``, the same pose in another
-        frame."""
+        """Return the transform that maps ``here``, a pose in one frame, to ``there``, the same pose in another."""
         yaw = there.yaw - here.yaw
         c, s = math.cos(yaw), math.sin(yaw)
         return cls(there.x - (c * here.x - s * here.y), there.y - (s * here.x + c * here.y), yaw)

@@ -29,7 +29,7 @@ def transform_size(frame: str, child: str) -> int:
 
 
 def split(transforms: Iterable[TransformStamped]) -> Iterator[TFMessage]:
-    """Split transforms into as few messages as fit SPLIT_BYTES each; none for no transforms."""
+    """Split transforms into messages of at most SPLIT_BYTES each; none for no transforms."""
     sized = ((each, transform_size(each.header.frame_id, each.child_frame_id)) for each in transforms)
     return (TFMessage(transforms=tuple(part)) for part in _parts(sized))
 

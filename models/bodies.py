@@ -70,8 +70,7 @@ class SphereShape:
 
 @dataclass(frozen=True)
 class RampShape:
-    """A wedge that rises along x from zero to the full height of ``size`` [m]; its origin is the centre of its bounding
-    box."""
+    """A wedge that rises along x from 0 to the height of ``size`` [m]; its origin is its bounding box's centre."""
 
     size: Vector
 
@@ -154,8 +153,7 @@ class BodyPath:
 
     @cached_property
     def _legs(self) -> tuple[list[tuple[float, Vector, Vector]], float]:
-        """The straight legs of one round, each with its duration [s], and the duration of a round including pauses
-        [s]."""
+        """The straight legs of a round, each with its duration [s], and the duration of a round with pauses [s]."""
         stops = list(self.points)
         if self.repeat == "loop":
             stops.append(stops[0])

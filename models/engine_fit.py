@@ -192,8 +192,7 @@ class _Fit:
         _collision(self._links[parent], pose, "box", size=size)
 
     def _lift_supports(self, rolling: Mapping[str, bool]) -> dict[str, float]:
-        """Raise parts that reach slightly lower than the driven wheels; return by how much [m] for links with their own
-        shapes."""
+        """Lift parts slightly lower than the driven wheels; return by how much [m], by link with own shapes."""
         driven = [self._bottoms[link] for link, has_motor in rolling.items() if has_motor]
         if not driven:
             return {}

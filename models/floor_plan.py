@@ -59,8 +59,7 @@ class PlanKeys(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FloorPlan(NamedTuple):
-    """A plan: ``walls``, shape (rows from the top, columns), ``resolution`` [m] per pixel, and its lower left corner x,
-    y, yaw."""
+    """A plan: ``walls``, shape (rows from the top, columns), m per pixel, and its lower left corner x, y, yaw."""
 
     walls: NDArray[np.bool_]
     resolution: float

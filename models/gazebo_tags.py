@@ -60,8 +60,7 @@ class Transmission:
 
 @dataclass(frozen=True)
 class RosControl:
-    """The plugin that loads controllers: its ``parameters`` file as written in the tag, empty if none, and its
-    namespace."""
+    """The plugin that loads controllers: its ``parameters`` file as in the tag, empty if none, and its namespace."""
 
     parameters: str = ""
     namespace: str = ""

@@ -242,8 +242,7 @@ class _Inference:
         )
 
     def _mounts(self) -> set[str]:
-        """Return the root and the links attached to it without a continuous joint: rockers and slides, but no
-        swivels."""
+        """Return the root and the links attached to it without a continuous joint: rockers, slides, but no swivels."""
         links = {self._robot.root}
         for _ in self._robot.joints:
             more = {

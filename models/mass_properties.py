@@ -11,8 +11,7 @@ from models.shape_mesh import shape_mesh
 
 
 class MassProperties(NamedTuple):
-    """Centre of mass [m] in the body's frame, and moments of inertia [kg m2] about axes through it parallel to that
-    frame."""
+    """Centre of mass [m] in the body's frame, and moments of inertia [kg m2] about that frame's axes through it."""
 
     centre: Vector
     moments: Vector

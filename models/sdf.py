@@ -100,8 +100,7 @@ def bodies_of_sdf_model(
 
 @dataclass(frozen=True)
 class SdfLink:
-    """A link of a model: its pose in the model, its parts in its own frame, its mass [kg], centre of mass and
-    moments."""
+    """A link of a model: its pose in the model, its parts in its own frame, its mass [kg], centre and moments."""
 
     name: str
     pose: Pose3
@@ -529,8 +528,7 @@ class _Reader:
         return Light(element.attributes.get("name", ""), (x, y, z), (r, g, b))
 
     def _mass(self, inertial: SdfElement) -> float:
-        """Return the mass [kg]; a mass of 0, as in some static models, counts as not stated, since Gazebo tolerates
-        it."""
+        """Return the mass [kg]; 0, as in some static models, counts as not stated, since Gazebo tolerates it."""
         mass = self._number(inertial, "mass", 1.0, most=1e9)
         if mass > 0:
             return max(LEAST_MASS, mass)
@@ -538,8 +536,7 @@ class _Reader:
         return 1.0
 
     def _moments(self, tensor: SdfElement) -> Vector | None:
-        """Return the moments [kg m2]; None if the shapes determine them: Gazebo's editor writes nan beside a mass of
-        0."""
+        """Return the moments [kg m2]; None if not usable, since Gazebo's editor writes nan beside a mass of 0."""
         stated = [tensor.find(each) for each in ("ixx", "iyy", "izz")]
         if any(each is None or each.text.lstrip("-").lower() == "nan" for each in stated):
             return None

@@ -72,8 +72,7 @@ def is_sdf(text: str) -> bool:
 
 
 def _tree(model: SdfModel, notes: list[str]) -> tuple[str, list[SdfJoint]]:
-    """Return the root link, and joints that connect all links to a tree; links without a joint are fixed to the
-    root."""
+    """Return the root link, and joints that connect all links; links without a joint are fixed to the root."""
     links = {each.name: each for each in model.links}
     if len(links) < len(model.links):
         raise BadWorld(f"the model {model.name!r} has two links of the same name")

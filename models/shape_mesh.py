@@ -91,8 +91,7 @@ def _hexahedron(size: tuple[float, float, float]) -> Mesh:
 
 
 def _stacked(rings: list[tuple[float, float]], end: float) -> Mesh:
-    """Return a solid of rings (radius and height [m]) about z, from bottom to top, closed by points at heights -end and
-    +end."""
+    """Return a solid of rings (radius, height [m]) about z, from bottom to top, with end points at -end and +end."""
     turns = np.arange(SIDES) * 2 * math.pi / SIDES
     circle = np.column_stack((np.cos(turns), np.sin(turns)))
     layers = [np.column_stack((radius * circle, np.full(SIDES, height))) for radius, height in rings]

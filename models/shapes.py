@@ -65,8 +65,7 @@ class LinkShapes:
         return self.collisions or self.visuals
 
     def box(self) -> Floats | None:
-        """Return minimum and maximum corner [m] of the bounding box in the link's frame, shape (2, 3); None without
-        shapes."""
+        """Return the corners [m] of the bounding box in the link's frame, shape (2, 3); None without shapes."""
         if not self.any:
             return None
         low = np.min([each.points.min(axis=0) - each.rounding for each in self.any], axis=0)

@@ -52,7 +52,7 @@ def find_steering(
     Args:
         robot: The robot.
         shapes: The shapes of its links.
-        commanded: Commanded joints: a swivel joint that is not belongs to a caster, unless it has limits.
+        commanded: Commanded joints: any other swivel joint belongs to a caster, unless it has limits.
         ground: Height [m] that the lowest point of a wheel may not exceed if it is to touch the ground.
     """
     steered, others = [], []
@@ -80,8 +80,7 @@ def find_steering(
 
 
 def steering_config(base: SteeredBase, stated: float | None, mass: float) -> SteeringConfig:
-    """Return the steering; ``stated`` is the maximum angle [rad] from a tag, if any, ``mass`` that of the robot
-    [kg]."""
+    """Return the steering; ``stated`` is the maximum angle [rad] from a tag, if any, ``mass`` the robot's [kg]."""
     axle = (base.left.place[0] + base.right.place[0]) / 2
     curvatures, rates, torques = [], [RATE], []
     for each in base.steered:

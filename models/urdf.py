@@ -82,8 +82,7 @@ class JointLimits:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint: ``xyz`` [m] and ``rpy`` [rad] are the child's pose in the parent at position zero; ``axis`` has length
-    1."""
+    """A joint: ``xyz`` [m] and ``rpy`` [rad] place the child in the parent at position zero; ``axis`` has length 1."""
 
     name: str
     kind: str

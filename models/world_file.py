@@ -339,8 +339,7 @@ class _TomlWorld:
                 seen[entry.name] = f"{self._source.path}: [[{key}]] {index + 1}"
 
     def _located(self, error: str) -> BadWorld:
-        """Convert msgspec's error to one with the line of its path, and the alternatives for an unknown key or
-        shape."""
+        """Return msgspec's error with the line of its path, and the alternatives for an unknown key or shape."""
         text, _, where = error.partition(" - at `$")
         path = key_path(where.rstrip("`"))
         if found := re.search(r"unknown field `(.*?)`", text):

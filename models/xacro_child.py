@@ -31,8 +31,7 @@ _OLD_TAGS = {
     "if": ("value",),
     "unless": ("value",),
 }
-"""Tags that xacro once accepted without its prefix, with the attributes that distinguish them from other tags of that
-name."""
+"""Tags that xacro once accepted without its prefix, with the attributes that distinguish them from others."""
 _URDF_TAGS = (
     "robot link joint visual collision inertial geometry box cylinder sphere capsule mesh origin material color "
     "texture inertia mass parent child axis limit dynamics mimic safety_controller calibration transmission actuator "

@@ -68,8 +68,7 @@ def load_service(kind: str, where: str = "") -> Service:
 
 
 def load_component(kind: str) -> Service:
-    """Load the service of a node that shares its process; adds the folder of a user's file to ``sys.path``. Raises
-    BadInput."""
+    """Load the service of a node in a shared process; adds a user file's folder to ``sys.path``. Raises BadInput."""
     service = load_service(kind)
     if is_script(kind):
         raise BadInput(f"{kind} is a program of ROS 1: it needs a process of its own")

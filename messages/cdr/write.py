@@ -96,8 +96,7 @@ def aligned(codes: str, start: int) -> struct.Struct:
 
 
 def _ops(name: str, types: Definitions, record: type[Message], prefix: str = "") -> list[Op]:
-    """Return the operations that write a type, with consecutive numbers merged; ``prefix`` is the path to its
-    record."""
+    """Return the operations that write a type, consecutive numbers merged; ``prefix`` is the path to its record."""
     ops: list[Op | _Numbers] = []
     _collect(ops, name, types, record, prefix)
     return [each.op() if isinstance(each, _Numbers) else each for each in ops]

@@ -101,8 +101,7 @@ class Catalogue:
     _sums: dict[str, str] = field(default_factory=dict)
 
     def packages(self) -> list[str]:
-        """Return the sorted names of the known packages; those that ``locate`` finds are known after their first
-        use."""
+        """Return the sorted names of the known packages; those found by ``locate`` are known after their first use."""
         found = {name for name, package in self._packages.items() if package is not None}
         return sorted(found | standard.packages())
 
@@ -170,8 +169,7 @@ class Catalogue:
         return found
 
     def definitions(self, name: str) -> Definitions:
-        """Return the fields of a type and of all types that it uses, in ROS 2's form; raises UnknownType,
-        BadDefinition."""
+        """Return the fields of a type and of all types it uses, in ROS 2's form; raises UnknownType, BadDefinition."""
         return {each: definition.fields for each, definition in self.closure(name, 2).items()}
 
     def md5(self, name: str) -> str:
@@ -289,5 +287,5 @@ class Catalogue:
 
 @cache
 def catalogue() -> Catalogue:
-    """The catalogue of this process."""
+    """Return the catalogue of this process."""
     return Catalogue()

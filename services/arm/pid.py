@@ -40,8 +40,7 @@ class Gains(NamedTuple):
     inertia: float
 
     def gravity_compensation(self, angle: float) -> float:
-        """Return the effort [N m] that holds the arm at ``angle`` [deg] against gravity; 0 without gravity
-        feed-forward."""
+        """Return the effort [N m] that holds the arm at ``angle`` [deg]; 0 without gravity feed-forward."""
         return self.gravity_torque * math.sin(math.radians(angle - self.gravity_rest))
 
     def inertia_feedforward(self, acceleration: float) -> float:

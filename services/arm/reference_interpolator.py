@@ -10,7 +10,7 @@ from typing import NamedTuple
 WINDOW = 16
 """Intervals over which the period is averaged: a jitter of one tick changes it by a sixteenth of a tick."""
 MIN_SAMPLES = 8
-"""Samples after which missing ones are detected; until then, each is taken as the next."""
+"""Samples after which missing ones are detected; until then, each counts as the next."""
 NEXT_SAMPLE_PERIODS = 0.2, 1.8
 """Range of periods since the last sample in which a sample counts as the next, early or late."""
 DELAY_GAIN = 0.25

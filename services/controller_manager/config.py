@@ -29,9 +29,10 @@ Quantity = Literal["position", "velocity", "effort"]
 
 
 class ControllerType(NamedTuple):
-    """What controllers of a type are commanded by (``commanded``) and how they command joints (``interface``).
+    """The quantity that controllers of a type are commanded by (``commanded``), and by which they command joints
+    (``interface``).
 
-    Where these differ, a PID converts one to the other.
+    If these differ, a PID converts one to the other.
     """
 
     kind: Kind
@@ -81,8 +82,7 @@ class Table(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Gains(Table, frozen=True, kw_only=True):
-    """The gains of one joint, with control_toolbox's names. ``ff_velocity_scale`` feeds the desired velocity
-    forward."""
+    """The gains of one joint, with control_toolbox's names. ``ff_velocity_scale`` is the velocity feed-forward."""
 
     p: Number = 0.0
     i: Number = 0.0

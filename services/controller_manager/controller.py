@@ -1,4 +1,4 @@
-"""What all controllers share: the joint states they read, the limits of their commands, and their interface."""
+"""What all controllers have in common: joint readings, command limits, access to the node, and the interface."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from services.runtime.publisher import Publisher
 from services.runtime.subscriber import Stream
 
 MAX_GAP_S = 0.1
-"""Time between two control ticks [s] beyond which it counts as a jump: nothing is integrated or differentiated over
-it."""
+"""Time [s] between two control ticks beyond which there is a gap: nothing is integrated or differentiated over it."""
 
 
 class JointReading(NamedTuple):

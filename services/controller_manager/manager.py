@@ -17,8 +17,7 @@ from services.controller_manager.trajectory_controller import TrajectoryControll
 from services.runtime.errors import BadInput, unknown_name
 
 BEST_EFFORT = 1
-"""``strictness`` of a switch that skips controllers that cannot be switched; with any other value nothing is switched
-then."""
+"""``strictness`` of a switch that skips what cannot be switched; with any other value nothing is switched then."""
 
 State = Literal["initialized", "running", "stopped"]
 
@@ -64,8 +63,7 @@ class ControllerManager:
         return tuple(name for name, state in self._states.items() if state == "running")
 
     def check_joints(self, limits: Mapping[str, JointLimits]) -> None:
-        """Set the limits of the robot's joints; raises BadInput, with the place in the file, for a joint that it
-        lacks."""
+        """Set the limits of the robot's joints; raises BadInput, with the place in the file, for a missing joint."""
         self._config.check_joints(limits)
         self._ports.limiter.limits = limits
 

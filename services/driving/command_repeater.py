@@ -8,8 +8,7 @@ from typing import Generic, Literal, TypeVar
 Command = TypeVar("Command")
 
 MAX_SIM_PERIOD_S = 0.1
-"""Simulation time [s] after which a command is repeated, even if less wall time has passed; bases time out at 0.25
-s."""
+"""Simulation time [s] after which a command is repeated, whatever the wall time; bases time out at 0.25 s."""
 
 
 class CommandRepeater(Generic[Command]):

@@ -27,8 +27,7 @@ class Segment(NamedTuple):
         return math.atan2(self.y1 - self.y0, self.x1 - self.x0)
 
     def remaining_and_offset(self, here: Pose2) -> tuple[float, float]:
-        """Return the remaining distance along the segment [m], negative past its end, and the offset to its left
-        [m]."""
+        """Return the distance to the segment's end along it [m], negative past it, and the offset to its left [m]."""
         c, s = math.cos(self.heading), math.sin(self.heading)
         dx, dy = here.x - self.x1, here.y - self.y1
         return -(dx * c + dy * s), dy * c - dx * s

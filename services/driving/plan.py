@@ -27,8 +27,7 @@ NO_GOAL = Goal(0.0, 0.0)
 """Placeholder when there is no goal."""
 
 MAX_PUBLISHED = 20_000
-"""Maximum number of goals in a published plan, which take 3 MB. A longer plan is driven to its end, but truncated when
-published."""
+"""Maximum number of published goals, which take 3 MB. A longer plan is driven to its end, but published up to here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +112,7 @@ class PlanReporter:
 
 
 def plan_to_pose(asked: PoseStamped, frame: str) -> Plan:
-    """Return the plan to a pose with its heading; raises BadInput unless the pose is in the world or in the odom
-    ``frame``."""
+    """Return the plan to a pose with its heading; raises BadInput unless it is in the world or the odom ``frame``."""
     if asked.header.frame_id not in ("", "world", frame):
         raise BadInput(f"goal refused: its frame {asked.header.frame_id!r} is neither 'world' nor {frame!r}")
     return Plan((Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw),))

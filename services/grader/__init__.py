@@ -12,7 +12,7 @@ from services.runtime import Parameters, Service, param
 
 
 class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the base of robot ``name`` brakes: ``timeout`` [s] after the last command, at ``brake`` [m/s2]."""
+    """Braking of the base of robot ``name``: ``timeout`` [s] after the last command, at ``brake`` [m/s2]."""
 
     name: str
     timeout: Annotated[float, Meta(ge=0, extra={"unit": "s"})]
@@ -20,8 +20,8 @@ class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class SizeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The size of robot ``name``: a circle of ``radius`` [m] around its base frame, from height ``bottom`` to ``top``
-    [m]; without a top, unlimited."""
+    """The size of robot ``name``: a circle of ``radius`` [m] around its base frame, from ``bottom`` to ``top`` [m]
+    above it; without a top, unlimited."""
 
     name: str
     radius: Annotated[float, Meta(gt=0, extra={"unit": "m"})]

@@ -188,8 +188,7 @@ class ReferredArmStreams:
 
 
 def read_world(ctx: Context[GraderParameters], array: MarkerArray) -> World:
-    """Return the bodies among the markers with their footprints; bodies with unreadable shapes are reported in the
-    log."""
+    """Return the bodies among the markers with their footprints; bodies with unreadable shapes are logged."""
     found = []
     for body in world_bodies(array):
         try:

@@ -49,8 +49,7 @@ def write_atomic(path: Path, content: bytes) -> None:
 
 
 def world_arrays(world: World, paths: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, np.ndarray]:
-    """Return the bodies of the world, and the points through which they moved by name, in the format of
-    WORLD_ARRAYS."""
+    """Return the bodies of the world, and the paths that they moved by name, in the format of WORLD_ARRAYS."""
     outlines = [(index, part.polygon()) for index, (_, parts) in enumerate(world) for part in parts]
     moved = [path if len(path := paths.get(body.name, ())) > 1 else () for body, _ in world]
     arrays = (

@@ -72,8 +72,7 @@ class PlanProgress:
         return math.sqrt(self._squares / self._count) if self._count else None
 
     def set_plan(self, goals: tuple[Point, ...]) -> None:
-        """Set a plan, which starts at the robot's position; setting the same one again, after a restart, has no
-        effect."""
+        """Set a plan, which starts at the robot's position; the same one again, after a restart, has no effect."""
         if goals == self._goals:
             return
         self._goals, self._index, self.finished_at = goals, 0, None

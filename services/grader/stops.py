@@ -83,7 +83,7 @@ class StopMetrics:
         self.count += 1
         if self.longest.distance is None or distance > self.longest.distance:
             base = self.braking
-            # Without a time-out, when the base detects the loss of its publisher depends on the network.
+            # Without a time-out, the network determines when the base detects the loss of its publisher.
             timed = base is not None and base.timeout > 0
             theory = predict_stop(begin.speed, base.timeout, base.brake) if base and timed else (None, None)
             self.longest = Stop(begin.speed, _rest_time(samples) - since / 1e9, distance, *theory)

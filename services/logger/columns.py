@@ -104,8 +104,7 @@ class Trail:
         self._corner: Floats | None = None
 
     def extend(self, times: Stamps, positions: Floats) -> tuple[Stamps, Floats]:
-        """Return the segments (m, 2, 3) [m] that positions (n, 3) at ``times`` (n,) [ns] add, and the end time (m,) of
-        each."""
+        """Return the segments (m, 2, 3) [m] that positions (n, 3) at ``times`` (n,) [ns] add, and end times (m,)."""
         if not len(positions):
             return times, np.empty((0, 2, 3))
         corner = positions[0] if self._corner is None else self._corner
@@ -181,8 +180,7 @@ class RobotColumns:
         self._odometry.extend(rows)
 
     def add_commands(self, messages: Sequence[Twist], now: int, dt: float) -> None:
-        """Add the commands received in the ``dt`` [s] before ``now`` [ns]; they have no stamps and are spread evenly
-        over it."""
+        """Add commands received in the ``dt`` [s] before ``now`` [ns]; having no stamps, they are spread evenly."""
         step = dt * 1e9 / max(1, len(messages))
         first = now - step * (len(messages) - 1)
         self._commands.extend([(first + step * i, m.linear.x) for i, m in enumerate(messages)])
@@ -291,8 +289,7 @@ class RobotColumns:
         return _stamps(met), off, np.column_stack((odometry_positions, np.full(len(met), ODOMETRY_TRAIL_Z)))
 
     def _start_reference(self, truth: Floats) -> Floats | None:
-        """Return the reference path (p, 3) once a new plan and the robot's start are both known in the world; else
-        None."""
+        """Return the reference path (p, 3) once a new plan and the robot's start are known in the world; else None."""
         begun = None
         if self._plan is not None and self._reference is None and len(truth):
             here = world_transform(self._frames, self._plan.header.frame_id) or self._alignment

@@ -84,8 +84,7 @@ class RecordingBuilder:
         self._recording.__exit__(kind, error, trace)
 
     def add(self, topic: str, message: Message, time_ns: int) -> None:
-        """Add a message with the absolute topic name ``topic`` at a simulated time [ns]; unsupported messages are
-        ignored."""
+        """Add a message of the absolute ``topic`` at a simulated time [ns]; unsupported messages are ignored."""
         self._last = time_ns
         if isinstance(message, Clock):
             self._on_clock(message)
@@ -161,6 +160,5 @@ def _add(columns: RobotColumns, name: str, message: Message, time_ns: int) -> No
 
 
 def recorded_name(namespace: str, model: str) -> str:
-    """Return a robot's name in the recording, as one part of an entity path; in the root namespace, its model's
-    name."""
+    """Return a robot's name in the recording, one part of an entity path; in the root namespace, its model's name."""
     return namespace.strip("/").replace("/", "_") or model

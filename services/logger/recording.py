@@ -64,8 +64,7 @@ def _connect(stream: rr.RecordingStream, layout: Blueprint, *sinks: rr.GrpcServe
 
 
 def _port_error(port: int) -> str:
-    """Explain why the port is not free; empty if it is. Checked first, since rerun's server fails later and
-    silently."""
+    """Explain why the port is not free; empty if it is. Checked first, as rerun's server fails later and silently."""
     why = bind_error(port)
     return (
         f"no live view: port {port} of {HOST} is not free ({why.strerror}); is another logger running?" if why else ""

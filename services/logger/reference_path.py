@@ -43,8 +43,7 @@ class ReferencePath:
         return float(x), float(y)
 
     def errors(self, times: Stamps, positions: Floats) -> tuple[Floats, Floats]:
-        """Return cross-track error and distance to the goal [m], each (n,), of positions (n, 2); NaN before the
-        plan."""
+        """Return cross-track error and goal distance [m], each (n,), of positions (n, 2); NaN before the plan."""
         at = np.searchsorted(self._since, times, side="right") - 1
         segments = np.array(self._segments)[np.maximum(at, 0)]
         begins, ends = self.points[segments[:, 0]], self.points[segments[:, 1]]

@@ -127,8 +127,7 @@ class RobotScene:
         )
 
     def transforms(self, batch: Batch) -> tuple[Stamps, rr.ComponentColumnList]:
-        """Return times and rows of all moving transforms; each row names its frames, since it replaces the whole
-        transform."""
+        """Return times and rows of the moving transforms; each replaces a whole transform, including its frames."""
         times, positions, quaternions = [batch.times], [batch.positions], [batch.quaternions]
         parents, children = ["world"] * len(batch.times), [self._frame] * len(batch.times)
         for name, angles in zip(batch.joints, batch.angles.T, strict=True):

@@ -84,8 +84,7 @@ def _map(message: OccupancyGrid) -> list[Marker]:
 
 
 def _triangles(filled: NDArray[np.bool_], edge: float) -> NDArray[np.float64]:
-    """Return two triangles for each of the rectangles that cover the cells of edge length ``edge`` [m]; shape (6 n,
-    3)."""
+    """Cover cells of edge length ``edge`` [m] with rectangles, each as two triangles; shape (6 n, 3)."""
     parts = [
         ((left, top), (right, top), (right, bottom), (left, top), (right, bottom), (left, bottom))
         for top, left, bottom, right in rectangles(filled)

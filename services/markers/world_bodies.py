@@ -25,14 +25,12 @@ from services.markers.footprint import (
 )
 
 GROUND = "ground"
-"""Namespace of markers of surfaces that robots drive on, e.g. ramps; also the name of the marker of the ground
-plane."""
+"""Namespace of markers of surfaces that robots drive on, e.g. ramps; also the name of the ground plane's marker."""
 FIXED = "fixed"
 """Namespace of fixed bodies."""
 
 MAX_TRIANGLES = 20_000
-"""Maximum number of triangles of a fixed body that are handled separately; a larger one is replaced by its convex
-hull."""
+"""Maximum number of triangles of a fixed body that are used singly; a larger one is replaced by its convex hull."""
 
 SPHERE_RINGS, SPHERE_MERIDIANS = 24, 48
 """Number of rings and meridians of the points that approximate an ellipsoid."""

@@ -126,7 +126,7 @@ def _advance_profile(now: ProfileState, behind: float, p: SquareParameters, dt: 
     wanted = stopping_speed(now.length - now.position, top, fall, dt)
     speed = max(now.speed - fall * dt, min(now.speed + rise * dt, wanted))
     at = now.position + speed * dt
-    # The last step of the brake is an exponential; below a micrometre or microradian it is over.
+    # The end of braking is exponential; below a micrometre or microradian it counts as complete.
     return (
         replace(now, position=now.length, speed=0.0)
         if now.length - at < 1e-6

@@ -93,8 +93,7 @@ def _act(now: TutorialState, p: SquareParameters) -> TutorialState:
 
 
 def _desired(now: TutorialState, p: SquareParameters) -> Pose2:
-    """Return the desired pose as logged by the tutorial: the end of the side while driving, the target heading while
-    turning."""
+    """Return the desired pose as the tutorial logs it: the end of the side, or the target heading while turning."""
     if now.rotating:
         return Pose2(now.last_odometry.x, now.last_odometry.y, now.target_heading)
     yaw = now.side_start.yaw

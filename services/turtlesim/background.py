@@ -18,8 +18,7 @@ CHANNELS = ("background_r", "background_g", "background_b")
 
 
 class Background:
-    """The colour: from the parameter tree if another node set it there (``rosparam set``), else from the service's
-    parameters."""
+    """The colour: from the parameter tree if set there by others (``rosparam set``), else the service's parameters."""
 
     def __init__(self, ctx: Context[TurtlesimParameters]) -> None:
         self._ctx, self._tree = ctx, ctx.latest(ROSPARAM_TREE)

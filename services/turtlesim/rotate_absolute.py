@@ -53,8 +53,7 @@ class RotateAbsoluteServer:
         self._node.unregister(self._received, self._cancelled, self._status, self._feedback, self._results)
 
     def step(self, turtle: Turtle, now: int, fresh: bool) -> Turtle:
-        """Return the turtle under the command for its goal; unless ``fresh``, as after a reset, received messages are
-        ignored."""
+        """Return the turtle under its goal's command; messages are ignored, as after a reset, unless ``fresh``."""
         for message, _ in self._received.messages if fresh else ():
             self._accept(message, turtle, now)
         for cancel, _ in self._cancelled.messages if fresh else ():

@@ -53,8 +53,7 @@ class Turtle:
         return replace(self, velocity=velocity, commanded_at=now)
 
     def step(self, now: int, dt: float) -> Turtle:
-        """Return the turtle ``dt`` [s] later, at ``now`` [ns]: it turns, then moves along its new heading, as in
-        ROS."""
+        """Return the turtle ``dt`` [s] later, at ``now`` [ns]: as in ROS, it turns, then moves on its new heading."""
         velocity = self.velocity if now - self.commanded_at <= COMMAND_TIMEOUT_NS else AT_REST
         theta = wrap(self.theta + velocity.turn * dt)
         ahead, left = velocity.ahead * dt, velocity.left * dt
