@@ -1,1 +1,1 @@
-"""The vocabulary: ROS-named records, names, topics and requests; no input or output, no Zenoh, no physics."""
+"""Message types of the bus: records with ROS names, topic names, topics and requests; no I/O, no Zenoh, no physics."""

@@ -1,4 +1,4 @@
-"""actionlib_msgs: the goals of an action, and their status."""
+"""actionlib_msgs: goals of actions and their status."""
 
 from enum import IntEnum
 from typing import Annotated, ClassVar
@@ -10,7 +10,7 @@ from messages.std import Header, Time
 
 
 class Status(IntEnum):
-    """The states of a goal, as ``actionlib_msgs/GoalStatus`` numbers them."""
+    """Goal states, numbered as in ``actionlib_msgs/GoalStatus``."""
 
     PENDING = 0
     ACTIVE = 1
@@ -25,7 +25,7 @@ class Status(IntEnum):
 
     @property
     def terminal(self) -> bool:
-        """Whether a goal stays in this state."""
+        """Whether this state is final."""
         return self in _TERMINAL
 
 
@@ -35,7 +35,7 @@ _TERMINAL = frozenset(
 
 
 class GoalID(Message, frozen=True, kw_only=True):
-    """A goal's name and when it was made. To cancel: the goal of an id, those up to a stamp, or, both empty, all."""
+    """ID and creation time of a goal. To cancel: the goal with the ID, all up to the stamp; all if both are empty."""
 
     ROS_TYPE: ClassVar[str] = "actionlib_msgs/GoalID"
     stamp: Time = Time()
@@ -43,7 +43,7 @@ class GoalID(Message, frozen=True, kw_only=True):
 
 
 class GoalStatus(Message, frozen=True, kw_only=True):
-    """The state of one goal, a number of ``Status``, and why it is so."""
+    """The state of one goal, a value of ``Status``, with an explanation."""
 
     ROS_TYPE: ClassVar[str] = "actionlib_msgs/GoalStatus"
     goal_id: GoalID = GoalID()
@@ -52,7 +52,7 @@ class GoalStatus(Message, frozen=True, kw_only=True):
 
 
 class GoalStatusArray(Message, frozen=True, kw_only=True):
-    """All goals that an action server follows, and those that ended within the last seconds."""
+    """All goals that an action server is tracking, including those that ended within the last few seconds."""
 
     ROS_TYPE: ClassVar[str] = "actionlib_msgs/GoalStatusArray"
     header: Header = Header()

@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     import numpy as np
 
 Ext = msgspec.msgpack.Ext
-"""A value of an extension type, as a decoder without a record yields it."""
+"""A value of an extension type, as decoded without a record type."""
 
 ARRAY_CODE = 1
 """MessagePack extension type of an array: its data is the MessagePack array ``[dtype, shape, raw]``."""
 
 MOST_DIMENSIONS = 3
-"""No array on the wire has more."""
+"""Maximum number of dimensions of an array on the wire."""
 MOST_VALUES = 1 << 28
-"""Bound of the product of an array's extents that are not 0: every shape within it is one that numpy takes."""
+"""Maximum product of an array's nonzero extents; numpy accepts every shape within it."""
 
 LARGEST = 1e12
-"""Bound of every finite number on the wire; NaN and the infinities lie outside it."""
+"""Maximum magnitude of a ``Finite`` number on the wire; NaN and the infinities exceed it."""
 
 
 def _bounded(unit: str, limit: float = LARGEST) -> Meta:
@@ -49,18 +49,18 @@ def saturating_add(count: int, more: int) -> int:
 
 
 NameStr = Annotated[str, Meta(max_length=255)]
-"""A name of ROS: of a model, joint, link, frame, node, topic or parameter."""
+"""A ROS name: of a model, joint, link, frame, node, topic or parameter."""
 ScopedName = Annotated[str, Meta(max_length=512)]
-"""Two of them, as ``model::link``."""
+"""Two names, as in ``model::link``."""
 
 MOST_ITEMS = 1000
-"""Bound of the lists of a request."""
+"""Maximum length of the lists in a request."""
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """A record that travels on the wire as a map with the ROS field names.
+    """A record that is encoded as a map with the ROS field names.
 
-    Every field has a default, as in ROS; unknown fields are ignored, so a newer sender is understood.
+    Every field has a default, as in ROS; unknown fields are ignored, so messages of a newer publisher can be decoded.
     ``ROS_TYPE`` names the type in the encoding of each sample.
     """
 
@@ -68,15 +68,15 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
 
 class WrongPayload(EleaError, ValueError):
-    """A payload is not the expected record; the text says which field and why."""
+    """A payload is not the expected record; the text names the field and the reason."""
 
 
 class Array:
-    """A numeric array of one dtype, a sequence of Python numbers; of arrays, where it has more than one dimension.
+    """A numeric array of one dtype: a sequence of Python numbers or, with more than one dimension, of arrays.
 
-    It keeps the raw bytes, and becomes numbers when they are asked for, or numpy without a copy (``numpy()``,
-    ``numpy.asarray``). It equals another array of its type with the same bytes, and a list or tuple of equal numbers.
-    ``DTYPE`` is numpy's name of the little-endian element type.
+    It keeps the raw bytes and converts them on access to Python numbers, or without a copy to numpy (``numpy()``,
+    ``numpy.asarray``). It equals another array of the same dtype and shape with the same bytes, and a list or tuple of
+    equal numbers. ``DTYPE`` is numpy's name of the little-endian element type.
     """
 
     DTYPE: ClassVar[str] = "<f8"
@@ -98,7 +98,7 @@ class Array:
 
     @classmethod
     def from_wire(cls, dtype: str, shape: Iterable[int], raw: bytes) -> Self:
-        """Rebuild an array from the three parts of the extension; raises WrongPayload when they disagree."""
+        """Rebuild an array from the three parts of the extension; raises WrongPayload if they disagree."""
         if dtype != cls.DTYPE:
             raise WrongPayload(f"expected an array of {cls.DTYPE}, got {dtype}")
         made = cls.__new__(cls)
@@ -136,7 +136,7 @@ class Array:
     def __getitem__(self, index: SupportsIndex) -> Any: ...
 
     def __getitem__(self, index: SupportsIndex | slice) -> Any:
-        """An element; a slice is an array of the same type."""
+        """Return an element; for a slice, an array of the same type."""
         if not self.shape:
             raise TypeError("an array without dimensions has no elements")
         rows = range(self.shape[0])
@@ -151,14 +151,14 @@ class Array:
         return any(value is each or value == each for each in self)
 
     def index(self, value: object) -> int:
-        """The place of the first element that equals ``value``; raises ValueError when none does."""
+        """Return the index of the first element that equals ``value``; raises ValueError if there is none."""
         for place, each in enumerate(self):
             if value is each or value == each:
                 return place
         raise ValueError(f"{value!r} is not in the array")
 
     def count(self, value: object) -> int:
-        """How many elements equal ``value``."""
+        """Count the elements that equal ``value``."""
         return sum(value is each or value == each for each in self)
 
     def __eq__(self, other: object) -> bool:
@@ -181,16 +181,16 @@ class Array:
         return np.array(view, dtype=dtype, copy=copy)
 
     def numpy(self) -> np.ndarray:
-        """The values as a read-only numpy array of ``shape``."""
+        """Return the values as a read-only numpy array of ``shape``."""
         return self.__array__()
 
     def tolist(self) -> list[float]:
-        """The values as a flat list of Python numbers, in row-major order."""
+        """Return the values as a flat list of Python numbers, in row-major order."""
         values: list[float] = [*self._numbers()]
         return values
 
     def _numbers(self) -> memoryview[float] | array[float]:
-        """The values, flat."""
+        """Return the values as a flat sequence."""
         if sys.byteorder == "little":
             return memoryview(self.raw).cast(_TYPECODES[self.DTYPE])
         flat: array[float] = array(_TYPECODES[self.DTYPE], self.raw)
@@ -198,7 +198,7 @@ class Array:
         return flat
 
     def _part(self, rows: Sequence[int], shape: tuple[int, ...]) -> Self:
-        """The array of some rows."""
+        """Return the array of the given rows."""
         size = len(self.raw) // self.shape[0] if self.shape[0] else 0
         part = type(self).__new__(type(self))
         part.raw, part.shape = b"".join([self.raw[row * size : (row + 1) * size] for row in rows]), shape
@@ -222,9 +222,9 @@ class Float32Array(Array):
 
 
 def take_array(record: Message, field: str, wanted: type[Array]) -> Array:
-    """The array that a field of a frozen record holds; what it was made from, a list or numpy array, is replaced by it.
+    """Return the array in a field of a frozen record; a list or numpy array there is converted and replaced first.
 
-    For ``__post_init__`` of records with arrays. Raises what ``Array`` does for what is none.
+    For ``__post_init__`` of records with arrays. Raises what ``Array`` raises for values that are not numbers.
     """
     value = getattr(record, field)
     if isinstance(value, Array):
@@ -237,7 +237,8 @@ def take_array(record: Message, field: str, wanted: type[Array]) -> Array:
 Packed36 = Ext | Annotated[tuple[float, ...], Meta(min_length=36, max_length=36)]
 """ROS ``float64[36]``: a 6x6 matrix in row-major order over x, y, z, roll, pitch, yaw.
 
-Our senders pack it as an array, which costs a tenth of 36 single numbers; a plain list of numbers is taken as well.
+Our publishers pack it as an array, which costs a tenth of encoding 36 single numbers; a plain list of numbers is
+accepted too.
 """
 
 Matrix3 = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
@@ -247,28 +248,28 @@ Matrix3 = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
 M = TypeVar("M")
 _TYPECODES: dict[str, Literal["d", "f"]] = {"<f8": "d", "<f4": "f"}
 _HEADS: dict[tuple[type, int], tuple[bytes, tuple[int, ...]]] = {}
-"""By type and size of the extension: the bytes before the values of a checked array, and its shape. A robot has few
-sizes of arrays, and decoding with this cache takes a third of the time of reading ``[dtype, shape, raw]``."""
+"""Headers of validated arrays, by type and size of the extension: the bytes before the values, and the shape. A robot
+has few array sizes, and decoding with this cache takes a third of the time of parsing ``[dtype, shape, raw]``."""
 _MOST_HEADS = 64
 _NO_HEAD: tuple[bytes, tuple[int, ...]] = b"", ()
 _parts = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], bytes]).decode
 
 
 def pack_array(dtype: str, shape: tuple[int, ...], raw: bytes) -> Ext:
-    """An array as it travels, of the little-endian bytes of its values."""
+    """Return the extension for an array given as the little-endian bytes of its values."""
     return Ext(ARRAY_CODE, msgspec.msgpack.encode((dtype, shape, raw)))
 
 
 def _to_plain(value: Any) -> object:
     if isinstance(value, Array):
         return pack_array(value.DTYPE, value.shape, value.raw)
-    if hasattr(value, "tolist"):  # numpy scalars and arrays, which control laws yield
+    if hasattr(value, "tolist"):  # numpy scalars and arrays, which controllers return
         return value.tolist()
     raise NotImplementedError(f"{type(value).__name__} cannot be put in a message")
 
 
 def _to_array(wanted: type, value: Any) -> object:
-    """The decoder's hook for arrays: of a known extension, only the first bytes and the size are compared."""
+    """Decoder hook for arrays; for an extension seen before, only its first bytes and its size are compared."""
     if type(value) is Ext:
         data: Any = value.data  # bytes or a view of them
         head, shape = _HEADS.get((wanted, len(data)), _NO_HEAD)
@@ -294,26 +295,26 @@ def _to_array(wanted: type, value: Any) -> object:
 
 
 def _remember(read: Array, data: bytes) -> None:
-    """Another array of this type and size, that begins with the same bytes before its values, is sound as well."""
+    """Cache the header of a valid array: others of this type and size with the same leading bytes are valid too."""
     if len(_HEADS) >= _MOST_HEADS:
         _HEADS.clear()
     _HEADS[type(read), len(data)] = data[: len(data) - len(read.raw)], read.shape
 
 
 DECODE_ERRORS = (msgspec.MsgspecError, ValueError, RecursionError, OverflowError)
-"""Exceptions of a decoding function for a payload that is not the record, WrongPayload among them."""
+"""Exceptions of a decoding function for a payload that is not the record, including WrongPayload."""
 
 encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_plain).encode
 """Encode one record as MessagePack bytes."""
 
 
 _BUILDING = threading.Lock()
-"""Held while msgspec reads the fields of a record: it shows them to other threads before it knows their types, and one
-that decodes such a record meanwhile ends the process."""
+"""Held while msgspec inspects the fields of a record: it exposes them to other threads before their types are resolved,
+and a thread that decodes such a record in the meantime crashes the process."""
 
 
 def decoder(record: type[M]) -> Callable[[bytes], M]:
-    """A function from MessagePack bytes to ``record``; it raises WrongPayload with the path of the field."""
+    """Return a decoder of MessagePack bytes to ``record``; it raises WrongPayload with the path of the field."""
     decode = raw_decoder(record)
 
     def checked(payload: bytes) -> M:
@@ -332,14 +333,14 @@ def raw_decoder(record: type[M]) -> Callable[[bytes], M]:
 
 
 def covariance(*variances: float) -> Ext:
-    """The packed 6x6 matrix with the six given variances on its diagonal."""
+    """Pack the 6x6 matrix with the six given variances on its diagonal."""
     if len(variances) != 6:
         raise ValueError(f"a covariance diagonal has 6 values, got {len(variances)}")
     return pack36([variances[i // 7] if i % 7 == 0 else 0.0 for i in range(36)])
 
 
 def pack36(values: Iterable[float]) -> Ext:
-    """36 numbers as they travel."""
+    """Pack 36 numbers as an array."""
     packed = _to_plain(Float64Array(values))
     assert isinstance(packed, Ext)
     return packed
@@ -363,7 +364,7 @@ def check36(packed: Packed36) -> None:
 
 
 def unpack36(packed: Packed36) -> tuple[float, ...]:
-    """The 36 numbers; raises WrongPayload when it is another array."""
+    """Return the 36 numbers; raises WrongPayload for any other array."""
     if not isinstance(packed, Ext):
         return packed
     array = _to_array(Float64Array, packed)

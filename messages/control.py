@@ -1,4 +1,4 @@
-"""control_msgs: states of joint controllers, and the action that follows a trajectory."""
+"""control_msgs: states of joint controllers, and the FollowJointTrajectory action."""
 
 from enum import IntEnum
 from typing import Annotated, ClassVar
@@ -14,9 +14,9 @@ from messages.trajectory import JointTrajectory, JointTrajectoryPoint
 class JointControllerState(Message, frozen=True, kw_only=True):
     """One tick of a controller; ``header.stamp`` is the time of the tick.
 
-    ``command`` is the effort [N m]; ``p``, ``i`` and ``d`` are the gains in force, ``i_clamp`` bounds the integral's
-    share of the effort. ROS leaves the unit of the rest to the controller: services/arm has degrees, degrees per second
-    and N m per degree. ``time_step`` [s] is the time since the last tick, ``set_point`` what was wanted at this one.
+    ``command`` is the effort [N m]; ``p``, ``i`` and ``d`` are the current gains, ``i_clamp`` bounds the integral term.
+    ROS leaves the unit of the rest to the controller: services/arm uses degrees, degrees per second and N m per degree.
+    ``time_step`` [s] is the time since the last tick, ``set_point`` the set-point at this one.
     """
 
     ROS_TYPE: ClassVar[str] = "control_msgs/JointControllerState"
@@ -46,7 +46,7 @@ class JointTrajectoryControllerState(Message, frozen=True, kw_only=True):
 
 
 class JointTolerance(Message, frozen=True, kw_only=True):
-    """How far a joint may be off: 0 leaves the controller's own tolerance, a negative value is none."""
+    """Tolerance of a joint: 0 keeps the controller's own tolerance, a negative value means no limit."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/JointTolerance"
     name: NameStr = ""
@@ -56,7 +56,7 @@ class JointTolerance(Message, frozen=True, kw_only=True):
 
 
 class FollowJointTrajectoryGoal(Message, frozen=True, kw_only=True):
-    """A trajectory, how far joints may leave it, how near they must end, and how late."""
+    """A trajectory with the tolerances of its path and goal, and the time allowed beyond its end."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/FollowJointTrajectoryGoal"
     trajectory: JointTrajectory = JointTrajectory()
@@ -66,7 +66,7 @@ class FollowJointTrajectoryGoal(Message, frozen=True, kw_only=True):
 
 
 class TrajectoryError(IntEnum):
-    """The numbers of ``FollowJointTrajectoryResult.error_code``."""
+    """The values of ``FollowJointTrajectoryResult.error_code``."""
 
     SUCCESSFUL = 0
     INVALID_GOAL = -1
@@ -77,7 +77,7 @@ class TrajectoryError(IntEnum):
 
 
 class FollowJointTrajectoryResult(Message, frozen=True, kw_only=True):
-    """How a trajectory ended: a number of ``TrajectoryError``, and why."""
+    """Outcome of a trajectory: a value of ``TrajectoryError`` and an explanation."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/FollowJointTrajectoryResult"
     error_code: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)] = 0
@@ -96,7 +96,7 @@ class FollowJointTrajectoryFeedback(Message, frozen=True, kw_only=True):
 
 
 class FollowJointTrajectoryActionGoal(Message, frozen=True, kw_only=True):
-    """A goal with its name; a server gives one to a goal that has none."""
+    """A goal with its ID; the server assigns one to a goal that has none."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/FollowJointTrajectoryActionGoal"
     header: Header = Header()
@@ -105,7 +105,7 @@ class FollowJointTrajectoryActionGoal(Message, frozen=True, kw_only=True):
 
 
 class FollowJointTrajectoryActionResult(Message, frozen=True, kw_only=True):
-    """How a goal ended, once for each."""
+    """Outcome of a goal, published once per goal."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/FollowJointTrajectoryActionResult"
     header: Header = Header()
@@ -114,7 +114,7 @@ class FollowJointTrajectoryActionResult(Message, frozen=True, kw_only=True):
 
 
 class FollowJointTrajectoryActionFeedback(Message, frozen=True, kw_only=True):
-    """How far the goal that is followed is."""
+    """Progress of the active goal."""
 
     ROS_TYPE: ClassVar[str] = "control_msgs/FollowJointTrajectoryActionFeedback"
     header: Header = Header()

@@ -1,4 +1,4 @@
-"""controller_manager_msgs: the controllers of a robot, and which of them run."""
+"""controller_manager_msgs: the controllers of a robot and their states."""
 
 from typing import Annotated, ClassVar
 
@@ -10,7 +10,7 @@ Names = Annotated[tuple[NameStr, ...], Meta(max_length=MOST_ITEMS)]
 
 
 class ControllerState(Message, frozen=True, kw_only=True):
-    """One controller: ``state`` is ``running``, ``stopped``, or ``initialized`` before it ran for the first time.
+    """One controller: ``state`` is ``running``, ``stopped``, or ``initialized`` before its first start.
 
     ``claimed_interfaces`` are the joints that it commands, each as ``joint/interface``.
     """
@@ -23,15 +23,15 @@ class ControllerState(Message, frozen=True, kw_only=True):
 
 
 class ListControllersResponse(Message, frozen=True, kw_only=True):
-    """All controllers, in the order of their file."""
+    """All controllers, in the order of the configuration file."""
 
     ROS_TYPE: ClassVar[str] = "controller_manager_msgs/ListControllersResponse"
     controller: tuple[ControllerState, ...] = ()
 
 
 class SwitchController(Message, frozen=True, kw_only=True):
-    """Controllers to start and to stop, all at one tick. ``strictness`` 1 (best effort) leaves out what cannot be done,
-    any other (strict, 2) then does nothing."""
+    """Controllers to start and to stop, all at one tick. ``strictness`` 1 (best effort) skips those that cannot be
+    switched; with any other value (strict, 2) nothing is switched then."""
 
     ROS_TYPE: ClassVar[str] = "controller_manager_msgs/SwitchController"
     start_controllers: Names = ()
@@ -40,7 +40,7 @@ class SwitchController(Message, frozen=True, kw_only=True):
 
 
 class SwitchControllerResponse(Message, frozen=True, kw_only=True):
-    """Whether it was done."""
+    """Whether the controllers were switched."""
 
     ROS_TYPE: ClassVar[str] = "controller_manager_msgs/SwitchControllerResponse"
     ok: bool = False

@@ -1,4 +1,4 @@
-"""diagnostic_msgs: the state of components, for tools that show it."""
+"""diagnostic_msgs: the state of components, for display by tools."""
 
 from typing import Annotated, ClassVar
 
@@ -9,7 +9,7 @@ from messages.std import Header
 
 
 class KeyValue(Message, frozen=True, kw_only=True):
-    """One named figure."""
+    """One named value."""
 
     ROS_TYPE: ClassVar[str] = "diagnostic_msgs/KeyValue"
     key: str = ""
@@ -17,7 +17,7 @@ class KeyValue(Message, frozen=True, kw_only=True):
 
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
-"""The levels of a DiagnosticStatus."""
+"""Values of ``DiagnosticStatus.level``."""
 
 
 class DiagnosticStatus(Message, frozen=True, kw_only=True):
@@ -32,7 +32,7 @@ class DiagnosticStatus(Message, frozen=True, kw_only=True):
 
 
 class DiagnosticArray(Message, frozen=True, kw_only=True):
-    """The state of several components at one time."""
+    """The states of several components at one time."""
 
     ROS_TYPE: ClassVar[str] = "diagnostic_msgs/DiagnosticArray"
     header: Header = Header()

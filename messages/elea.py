@@ -1,4 +1,4 @@
-"""elea_msgs: what this project says that ROS has no record for: health, goals, bases, models, fleets."""
+"""elea_msgs: messages for which ROS has no type: health, goals, bases, models, fleets."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -12,11 +12,12 @@ Seconds = Annotated[float, Meta(ge=0, le=1e9, extra={"unit": "s"})]
 
 
 class InputHealth(Message, frozen=True, kw_only=True):
-    """Input of one topic: samples received, lost (gaps in sequence numbers), and refused, with the last reason.
+    """Counters of one subscription: samples received, lost (gaps in sequence numbers) and refused, with the last
+    reason.
 
-    ``repeated`` samples were dropped because their number does not grow; ``resynced`` counts how often a publisher's
-    numbers were followed although they do not continue: it restarted under its old id, or its numbers were forged.
-    ``foreign`` samples have no number.
+    ``repeated`` samples were dropped because their sequence number did not increase; ``resynced`` counts how often a
+    publisher's numbers were followed although they did not continue: it restarted under its old ID, or its numbers were
+    forged. ``foreign`` samples have no sequence number.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/InputHealth"
@@ -31,7 +32,7 @@ class InputHealth(Message, frozen=True, kw_only=True):
 
 
 class OutputHealth(Message, frozen=True, kw_only=True):
-    """Output on one topic."""
+    """Counter of one publication."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/OutputHealth"
     topic: str = ""
@@ -39,12 +40,13 @@ class OutputHealth(Message, frozen=True, kw_only=True):
 
 
 class Health(Message, frozen=True, kw_only=True):
-    """The heartbeat of a node, sent by its own loop; its absence means that the loop hangs.
+    """The heartbeat of a node, published by its own loop; if it stops, the loop hangs.
 
-    ``missed`` counts ticks skipped because the node was late. ``received`` to ``sent`` are totals over all topics, of
-    which the node subscribes to ``reads`` and publishes ``writes``. ``inputs`` and ``outputs`` list all of them if they
-    fit into one heartbeat; of a node with hundreds, those with new trouble first and the others in turn, each every few
-    heartbeats. ``refused_requests`` counts requests answered by an error, ``request_reason`` is the last one.
+    ``missed`` counts ticks skipped because the node was late. ``received`` to ``sent`` are totals over all topics;
+    ``reads`` and ``writes`` are the numbers of topics that the node subscribes to and publishes. ``inputs`` and
+    ``outputs`` list all of them if they fit into one heartbeat; for a node with hundreds, those with new faults come
+    first and the others in turn, each every few heartbeats. ``refused_requests`` counts requests answered with an
+    error, ``request_reason`` is the last error.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Health"
@@ -83,10 +85,10 @@ class GoalStatus(Message, frozen=True, kw_only=True):
 
 
 class BaseStatus(Message, frozen=True, kw_only=True):
-    """The commands that a base obeys and refuses; the counts grow from spawn to delete.
+    """Accepted and refused commands of a base; the counts run from spawn to delete.
 
-    ``last_command`` is the simulation time of the newest accepted command. ``stopped_by`` names the nodes that hold
-    its emergency stop.
+    ``last_command`` is the simulation time of the newest accepted command. ``stopped_by`` names the nodes that hold its
+    emergency stop.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/BaseStatus"
@@ -106,11 +108,12 @@ class BaseStatus(Message, frozen=True, kw_only=True):
 
 
 class EmergencyStop(Message, frozen=True, kw_only=True):
-    """One holder's emergency stop of one robot, or of all.
+    """An emergency stop of one robot, or of all, by one holder.
 
-    ``robot`` is empty for the stop of all. ``topic`` is the one on which the holder gave it, and resets it by false.
-    ``holder`` is the name of the holder's node, ``id`` what stays the same of its publisher ids through all its lives:
-    their first 6 bytes in hexadecimal. ``since`` is the simulation machine's clock when it was given, ns.
+    ``robot`` is empty for a stop of all robots. ``topic`` is the one on which the holder published it, and on which it
+    publishes false to release it. ``holder`` is the name of the holder's node, ``id`` the part of its publisher IDs
+    that survives its restarts: their first 6 bytes in hexadecimal. ``since`` is the time [ns] of the stop by the clock
+    of the simulation's machine.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/EmergencyStop"
@@ -122,22 +125,22 @@ class EmergencyStop(Message, frozen=True, kw_only=True):
 
 
 class EmergencyStops(Message, frozen=True, kw_only=True):
-    """All emergency stops that hold at present."""
+    """All active emergency stops."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/EmergencyStops"
     stops: tuple[EmergencyStop, ...] = ()
 
 
 MOST_CHECKS = 64
-"""Checks that one node may state."""
+"""Maximum number of checks of one node."""
 
 CheckName = Annotated[str, Meta(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\Z", max_length=64)]
 
 
 class Check(Message, frozen=True, kw_only=True):
-    """A figure that a node has measured itself, with the lowest and highest passing value; null: not measured.
+    """A value measured by a node, with the lowest and highest passing value; null if not measured.
 
-    ``reason`` explains it to people.
+    ``reason`` explains it to users.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Check"
@@ -149,7 +152,7 @@ class Check(Message, frozen=True, kw_only=True):
 
 
 class Checks(Message, frozen=True, kw_only=True):
-    """All checks of one node; its newest message counts."""
+    """All checks of one node; its newest message replaces earlier ones."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Checks"
     node: Annotated[str, Meta(max_length=255)] = ""
@@ -167,7 +170,7 @@ class ModelState(Message, frozen=True, kw_only=True):
 
 
 class ProcessState(Message, frozen=True, kw_only=True):
-    """One supervised process; ``nodes`` are the names of those that share it, if several do."""
+    """One supervised process; ``nodes`` are the names of the nodes that share it, if there are several."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ProcessState"
     name: str = ""
@@ -182,7 +185,7 @@ class ProcessState(Message, frozen=True, kw_only=True):
 
 
 class FleetState(Message, frozen=True, kw_only=True):
-    """The processes of a running fleet; ``note`` says what hinders their supervision, if anything does."""
+    """The processes of a running fleet; ``note`` says what impairs their supervision, if anything."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/FleetState"
     fleet: str = ""
@@ -192,10 +195,11 @@ class FleetState(Message, frozen=True, kw_only=True):
 
 
 class LockstepState(Message, frozen=True, kw_only=True):
-    """The members of lockstep, for which the simulation waits at its ticks.
+    """The members of lockstep, for which the simulation waits at each tick.
 
-    ``lost`` are the nodes without which it has continued since time began: their processes ended, did not answer, or
-    never started. ``left`` are those that left in order. A node that returned is among ``members`` as well.
+    ``lost`` are nodes without which it has continued since simulation time started: their processes ended, did not
+    answer, or never started. ``left`` are nodes that left properly. A node that returned is listed in ``members`` as
+    well.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LockstepState"
@@ -205,7 +209,7 @@ class LockstepState(Message, frozen=True, kw_only=True):
 
 
 class InterfaceDefinition(Message, frozen=True, kw_only=True):
-    """The definition of a message type, in the language ``ros2msg``, with the types that it uses."""
+    """The definition of a message type and the types that it uses, in the ``ros2msg`` format."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/InterfaceDefinition"
     type: NameStr = ""
@@ -213,7 +217,7 @@ class InterfaceDefinition(Message, frozen=True, kw_only=True):
 
 
 class InterfaceDefinitions(Message, frozen=True, kw_only=True):
-    """The types that a node uses and that belong to no standard package, those of its services as two each."""
+    """The types of a node that belong to no standard package; a service type counts as two."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/InterfaceDefinitions"
     definitions: Annotated[tuple[InterfaceDefinition, ...], Meta(max_length=MOST_ITEMS)] = ()

@@ -1,4 +1,4 @@
-"""The roots of the tree of errors, which services/runtime/errors.py draws as a whole, and errors for wrong names."""
+"""The base exceptions (services/runtime/errors.py shows the whole tree), and errors for unknown names."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from pathlib import Path
 
 
 class EleaError(Exception):
-    """Anything that this project raises on purpose."""
+    """Base class of all exceptions that this project raises."""
 
 
 class BadInput(EleaError, ValueError):
-    """Something from outside is wrong: the text says what, where, the limit and the likely cause."""
+    """External input is wrong: the text says what, where, the limit and the likely cause."""
 
 
 _MOST_LISTED = 100
-"""Alternatives that an error lists."""
+"""Maximum number of alternatives that an error lists."""
 _LONG = 100
-"""Characters of a name from which on it is compared with none."""
+"""Length from which on a name is not compared with others."""
 _WORK = 500_000
-"""Pairs of characters: 1,200 names of 20, within 4 ms; of the worst kind, 35 ms."""
+"""Budget in pairs of characters: 1,200 names of 20, within 4 ms; in the worst case, 35 ms."""
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") -> BadInput:
-    """The error for a name that does not exist, with the nearest right one and the alternatives."""
+    """Return the error for an unknown name, with the nearest known name and the alternatives."""
     names = sorted(known)
     prefix = f"{where}: " if where else ""
     listed = ", ".join(names[:_MOST_LISTED]) or "none"
@@ -33,14 +33,14 @@ def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") ->
 
 
 def did_you_mean(name: str, known: Iterable[str], count: int = 1) -> str:
-    """``; did you mean '/tb3_0/odom'?``, to end a text about a name that does not exist; empty if none is near."""
+    """Return ``; did you mean '/tb3_0/odom'?``, to append to an error on an unknown name; empty if none is similar."""
     near = [repr(each) for each in nearest(name, known, count)]
     listed = " or ".join(filter(None, (", ".join(near[:-1]), *near[-1:])))
     return f"; did you mean {listed}?" if near else ""
 
 
 def missing_file(path: Path) -> BadInput:
-    """The error for a file that does not exist, with the nearest name of its kind in its folder."""
+    """Return the error for a missing file, with the most similar name of the same suffix in its folder."""
     try:
         beside = [each.name for each in path.parent.iterdir() if each.suffix == path.suffix]
     except OSError:
@@ -49,16 +49,16 @@ def missing_file(path: Path) -> BadInput:
 
 
 def nearest(name: str, known: Iterable[str], count: int = 1, cutoff: float = 0.6) -> list[str]:
-    """The names of ``known`` most similar to ``name``, the nearest first.
+    """Return the names in ``known`` that are most similar to ``name``, the nearest first.
 
     Names from outside may be long and many, and comparing two costs the product of their lengths: a name of _LONG
-    characters or more is compared with none, others with those nearest to its length within the budget _WORK.
+    characters or more is not compared at all, others with those of the nearest length within the budget _WORK.
 
     Args:
-        name: The name that does not exist.
-        known: The names that do.
-        count: The most names to return.
-        cutoff: The least similarity, from 0 to 1.
+        name: The unknown name.
+        known: The names that exist.
+        count: Maximum number of names to return.
+        cutoff: Minimum similarity, from 0 to 1.
     """
     if len(name) >= _LONG:
         return []

@@ -1,6 +1,6 @@
 """Gazebo's world services as elea_msgs: efforts, wrenches, joints, links and properties, scoped by model; its topics.
 
-A joint or link is named alone where one model only has it, or as ``model::name`` or ``model/name``.
+A joint or link is given by its bare name if only one model has it, else as ``model::name`` or ``model/name``.
 """
 
 from typing import Annotated, ClassVar, Literal
@@ -16,7 +16,7 @@ Duration = Annotated[float, Meta(ge=-1, le=1e9, extra={"unit": "s"})]
 
 
 class ApplyEffort(Message, frozen=True, kw_only=True):
-    """Add an effort job to a joint of ``model``, which may be empty if the joint's name has it."""
+    """Apply an effort to a joint of ``model``, which may be empty if the joint's name includes it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ApplyEffort"
     model: NameStr = ""
@@ -24,7 +24,7 @@ class ApplyEffort(Message, frozen=True, kw_only=True):
 
 
 class JointName(Message, frozen=True, kw_only=True):
-    """A joint; ``model`` may be empty if the joint's name has it."""
+    """A joint; ``model`` may be empty if the joint's name includes it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointName"
     model: NameStr = ""
@@ -32,7 +32,7 @@ class JointName(Message, frozen=True, kw_only=True):
 
 
 class SetConfiguration(Message, frozen=True, kw_only=True):
-    """Put joints of a model at positions, rad or m, at rest; those not named keep theirs."""
+    """Set joint positions of a model [rad or m], at rest; unnamed joints keep theirs."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetConfiguration"
     model: NameStr = ""
@@ -41,11 +41,11 @@ class SetConfiguration(Message, frozen=True, kw_only=True):
 
 
 class ApplyWrench(Message, frozen=True, kw_only=True):
-    """A job: a force [N] and a torque [N m] on a link, from ``start_time`` (now, if past) for ``duration`` seconds.
+    """Apply a force [N] and torque [N m] to a link, from ``start_time`` (now, if past) for ``duration`` seconds.
 
-    Both are in the axes of ``reference_frame``: the world's when that is empty, ``world`` or ``map``, else an entity's,
-    which they follow as it turns. The force acts at ``reference_point`` [m], a point of the link in its own frame. All
-    wrenches that act on a link add up. Times are those of a JointEffort.
+    Both are in the axes of ``reference_frame``: the world's if it is empty, ``world`` or ``map``, else an entity's,
+    which they follow as it turns. The force acts at ``reference_point`` [m], in the link's own frame. All wrenches
+    acting on a link add up. Times are as in JointEffort.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ApplyWrench"
@@ -76,8 +76,8 @@ class LinkState(Message, frozen=True, kw_only=True):
 
 
 class LinkProperties(Message, frozen=True, kw_only=True):
-    """Properties of a link: mass [kg; 0 if fixed to the world], centre of mass in its own frame, principal moments
-    [kg m2] about the axes of ``com``, friction, and the number of pending and acting wrenches."""
+    """Properties of a link: mass [kg; 0 if fixed to the world], centre of mass in its own frame, principal moments [kg
+    m2] about the axes of ``com``, friction, and the number of pending and active wrenches."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LinkProperties"
     link_name: str = ""
@@ -106,7 +106,7 @@ class ModelProperties(Message, frozen=True, kw_only=True):
 
 
 class WorldProperties(Message, frozen=True, kw_only=True):
-    """The world and its physics, which a run cannot change: step [s], gravity [m/s2], the solver's iterations."""
+    """The world and its physics, which are fixed during a run: step [s], gravity [m/s2], solver iterations."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/WorldProperties"
     world: str = ""
@@ -125,7 +125,7 @@ class WorldProperties(Message, frozen=True, kw_only=True):
 
 
 class ModelStates(Message, frozen=True, kw_only=True):
-    """Poses and twists of all models, in the world's axes; the three lists are in the same order."""
+    """Poses and twists of all models, in the world frame; the three lists are in the same order."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ModelStates"
     name: tuple[str, ...] = ()
@@ -134,7 +134,7 @@ class ModelStates(Message, frozen=True, kw_only=True):
 
 
 class LinkStates(Message, frozen=True, kw_only=True):
-    """The same of all links, each named ``model::link``."""
+    """Poses and twists of all links, in the world frame, each named ``model::link``."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/LinkStates"
     name: tuple[str, ...] = ()
@@ -143,7 +143,7 @@ class LinkStates(Message, frozen=True, kw_only=True):
 
 
 class WorldStates(Message, frozen=True, kw_only=True):
-    """Where bodies of the world are and how they move at the header's time; Gazebo's ModelStates have no time."""
+    """Poses and twists of bodies in the world at the header's time; Gazebo's ModelStates have no time."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/WorldStates"
     header: Header = Header()

@@ -1,6 +1,6 @@
 """gazebo_msgs: the services and commands of Gazebo, under their own names and fields.
 
-Where a request is not carried out, its response says why: ``success`` is false and ``status_message`` has the reason.
+If a request fails, ``success`` is false in its response and ``status_message`` has the reason.
 """
 
 from typing import Annotated, ClassVar
@@ -16,11 +16,11 @@ Numbers = Annotated[tuple[Finite, ...], Meta(max_length=MOST_ITEMS)]
 Unsigned = Annotated[int, Meta(ge=0, lt=2**32)]
 
 REVOLUTE, CONTINUOUS, PRISMATIC, FIXED, BALL, UNIVERSAL = range(6)
-"""The types of joints in GetJointPropertiesResponse."""
+"""Joint types in GetJointPropertiesResponse."""
 
 
 class ModelState(Message, frozen=True, kw_only=True):
-    """The pose and twist to give a model, in the axes of ``reference_frame``; the world's if it is empty."""
+    """The pose and twist to set for a model, in the axes of ``reference_frame``; the world's if it is empty."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ModelState"
     model_name: NameStr = ""
@@ -30,7 +30,7 @@ class ModelState(Message, frozen=True, kw_only=True):
 
 
 class LinkState(Message, frozen=True, kw_only=True):
-    """The same of a link."""
+    """Pose and twist of a link, in the axes of ``reference_frame``; the world's if it is empty."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/LinkState"
     link_name: ScopedName = ""
@@ -40,7 +40,7 @@ class LinkState(Message, frozen=True, kw_only=True):
 
 
 class ODEPhysics(Message, frozen=True, kw_only=True):
-    """Settings of Gazebo's engine; here, only the solver's iterations have a counterpart."""
+    """Settings of the ODE engine; only the number of solver iterations has a counterpart here."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ODEPhysics"
     auto_disable_bodies: bool = False
@@ -56,7 +56,7 @@ class ODEPhysics(Message, frozen=True, kw_only=True):
 
 
 class GetModelState(Message, frozen=True, kw_only=True):
-    """Where a model is, seen from an entity: the world if that is empty."""
+    """Get the pose and twist of a model relative to an entity; the world if it is empty."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetModelState"
     model_name: NameStr = ""
@@ -64,7 +64,7 @@ class GetModelState(Message, frozen=True, kw_only=True):
 
 
 class GetModelStateResponse(Message, frozen=True, kw_only=True):
-    """Pose and twist in the axes of the entity."""
+    """Pose and twist in the axes of the reference entity."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetModelStateResponse"
     header: Header = Header()
@@ -82,7 +82,7 @@ class SetModelState(Message, frozen=True, kw_only=True):
 
 
 class SetModelStateResponse(Message, frozen=True, kw_only=True):
-    """Whether it was moved."""
+    """Whether the model was moved."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SetModelStateResponse"
     success: bool = False
@@ -90,7 +90,7 @@ class SetModelStateResponse(Message, frozen=True, kw_only=True):
 
 
 class GetLinkState(Message, frozen=True, kw_only=True):
-    """Where a link is (``model::link``), seen from an entity: the world if that is empty."""
+    """Get the pose and twist of a link (``model::link``) relative to an entity; the world if it is empty."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetLinkState"
     link_name: ScopedName = ""
@@ -114,7 +114,7 @@ class SetLinkState(Message, frozen=True, kw_only=True):
 
 
 class SetLinkStateResponse(Message, frozen=True, kw_only=True):
-    """Whether it was moved."""
+    """Whether the link was moved."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SetLinkStateResponse"
     success: bool = False
@@ -122,14 +122,14 @@ class SetLinkStateResponse(Message, frozen=True, kw_only=True):
 
 
 class GetModelProperties(Message, frozen=True, kw_only=True):
-    """The parts of a model."""
+    """Get the links and joints of a model."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetModelProperties"
     model_name: NameStr = ""
 
 
 class GetModelPropertiesResponse(Message, frozen=True, kw_only=True):
-    """Links are bodies here; geometries have no names."""
+    """The parts of a model: ``body_names`` are its links; geometries have no names here."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetModelPropertiesResponse"
     parent_model_name: str = ""
@@ -144,7 +144,7 @@ class GetModelPropertiesResponse(Message, frozen=True, kw_only=True):
 
 
 class GetWorldProperties(Message, frozen=True, kw_only=True):
-    """The models of the world."""
+    """Get the names of all models."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetWorldProperties"
 
@@ -161,7 +161,7 @@ class GetWorldPropertiesResponse(Message, frozen=True, kw_only=True):
 
 
 class GetJointProperties(Message, frozen=True, kw_only=True):
-    """The state of a joint, which one model alone has, or ``model::joint``."""
+    """Get the state of a joint: its bare name if only one model has it, or ``model::joint``."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetJointProperties"
     joint_name: ScopedName = ""
@@ -180,7 +180,7 @@ class GetJointPropertiesResponse(Message, frozen=True, kw_only=True):
 
 
 class GetLinkProperties(Message, frozen=True, kw_only=True):
-    """Mass and inertia of a link."""
+    """Get the mass and inertia of a link."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetLinkProperties"
     link_name: ScopedName = ""
@@ -204,7 +204,7 @@ class GetLinkPropertiesResponse(Message, frozen=True, kw_only=True):
 
 
 class ApplyJointEffort(Message, frozen=True, kw_only=True):
-    """An effort [N m or N] on a joint from ``start_time`` (now, if past); a negative duration has no end."""
+    """Apply an effort [N m or N] to a joint from ``start_time`` (now, if past); a negative duration is unlimited."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ApplyJointEffort"
     joint_name: ScopedName = ""
@@ -214,7 +214,7 @@ class ApplyJointEffort(Message, frozen=True, kw_only=True):
 
 
 class ApplyJointEffortResponse(Message, frozen=True, kw_only=True):
-    """Whether it acts."""
+    """Whether the effort was accepted."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ApplyJointEffortResponse"
     success: bool = False
@@ -222,22 +222,22 @@ class ApplyJointEffortResponse(Message, frozen=True, kw_only=True):
 
 
 class JointRequest(Message, frozen=True, kw_only=True):
-    """A joint, whose efforts end."""
+    """Clear all efforts on a joint."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/JointRequest"
     joint_name: ScopedName = ""
 
 
 class JointRequestResponse(Message, frozen=True, kw_only=True):
-    """No result."""
+    """An empty response."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/JointRequestResponse"
 
 
 class ApplyBodyWrench(Message, frozen=True, kw_only=True):
-    """A force [N] and torque [N m] on a link, in the axes of ``reference_frame``: the world's if it is empty.
+    """Apply a force [N] and torque [N m] to a link, in the axes of ``reference_frame``: the world's if it is empty.
 
-    The force acts at ``reference_point`` of that frame; of the world's, where that is (0, 0, 0), at the centre of mass.
+    The force acts at ``reference_point`` of that frame; in the world frame, (0, 0, 0) means the centre of mass.
     """
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ApplyBodyWrench"
@@ -250,7 +250,7 @@ class ApplyBodyWrench(Message, frozen=True, kw_only=True):
 
 
 class ApplyBodyWrenchResponse(Message, frozen=True, kw_only=True):
-    """Whether it acts."""
+    """Whether the wrench was accepted."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ApplyBodyWrenchResponse"
     success: bool = False
@@ -258,20 +258,20 @@ class ApplyBodyWrenchResponse(Message, frozen=True, kw_only=True):
 
 
 class BodyRequest(Message, frozen=True, kw_only=True):
-    """A link, whose wrenches end."""
+    """Clear all wrenches on a link."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/BodyRequest"
     body_name: ScopedName = ""
 
 
 class BodyRequestResponse(Message, frozen=True, kw_only=True):
-    """No result."""
+    """An empty response."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/BodyRequestResponse"
 
 
 class SetModelConfiguration(Message, frozen=True, kw_only=True):
-    """Put joints of a model at positions, rad or m."""
+    """Set joint positions of a model [rad or m]."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SetModelConfiguration"
     model_name: NameStr = ""
@@ -281,7 +281,7 @@ class SetModelConfiguration(Message, frozen=True, kw_only=True):
 
 
 class SetModelConfigurationResponse(Message, frozen=True, kw_only=True):
-    """Whether they are there."""
+    """Whether the positions were set."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SetModelConfigurationResponse"
     success: bool = False
@@ -289,7 +289,7 @@ class SetModelConfigurationResponse(Message, frozen=True, kw_only=True):
 
 
 class SpawnModel(Message, frozen=True, kw_only=True):
-    """Put a model into the world: its name, its URDF or SDF, its namespace, and where."""
+    """Spawn a model: its name, its URDF or SDF, its namespace and its pose."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SpawnModel"
     model_name: NameStr = ""
@@ -300,7 +300,7 @@ class SpawnModel(Message, frozen=True, kw_only=True):
 
 
 class SpawnModelResponse(Message, frozen=True, kw_only=True):
-    """Whether it is there."""
+    """Whether the model was spawned."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SpawnModelResponse"
     success: bool = False
@@ -308,14 +308,14 @@ class SpawnModelResponse(Message, frozen=True, kw_only=True):
 
 
 class DeleteModel(Message, frozen=True, kw_only=True):
-    """Take a model out of the world."""
+    """Delete a model."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/DeleteModel"
     model_name: NameStr = ""
 
 
 class DeleteModelResponse(Message, frozen=True, kw_only=True):
-    """Whether it is gone."""
+    """Whether the model was deleted."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/DeleteModelResponse"
     success: bool = False
@@ -323,13 +323,13 @@ class DeleteModelResponse(Message, frozen=True, kw_only=True):
 
 
 class GetPhysicsProperties(Message, frozen=True, kw_only=True):
-    """What the physics is."""
+    """Get the properties of the physics."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetPhysicsProperties"
 
 
 class GetPhysicsPropertiesResponse(Message, frozen=True, kw_only=True):
-    """Step [s], steps per second of wall time (0 in lockstep: as many as there can be), gravity [m/s2]."""
+    """Step [s], maximum steps per second of wall time (0 in lockstep: unlimited), gravity [m/s2]."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/GetPhysicsPropertiesResponse"
     time_step: Finite = 0.0
@@ -342,7 +342,7 @@ class GetPhysicsPropertiesResponse(Message, frozen=True, kw_only=True):
 
 
 class SetPhysicsProperties(Message, frozen=True, kw_only=True):
-    """Properties of the physics to set; a run cannot change them."""
+    """Set properties of the physics; they cannot change during a run."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SetPhysicsProperties"
     time_step: Finite = 0.0
@@ -352,7 +352,7 @@ class SetPhysicsProperties(Message, frozen=True, kw_only=True):
 
 
 class SetPhysicsPropertiesResponse(Message, frozen=True, kw_only=True):
-    """Whether the physics is so."""
+    """Whether the physics already has these properties."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/SetPhysicsPropertiesResponse"
     success: bool = False

@@ -1,4 +1,4 @@
-"""The services of Gazebo by their own names, which the simulation serves for programs written for it."""
+"""The services of Gazebo under their own names, served by the simulation for programs written for Gazebo."""
 
 from messages.base import Message
 from messages.gazebo_msgs import (
@@ -41,7 +41,7 @@ from messages.request import Request
 from messages.std_srvs import Empty, EmptyResponse
 
 MAX_SPAWN_BYTES = 5 << 18
-"""Of a request with the text of a model."""
+"""Maximum size of a request with the text of a model."""
 
 GET_MODEL_STATE = Request(
     "/gazebo/get_model_state", GetModelState, GetModelStateResponse, "Gazebo: get pose and twist of a model"

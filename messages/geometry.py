@@ -1,4 +1,4 @@
-"""geometry_msgs: points, poses, twists and transforms in three dimensions."""
+"""geometry_msgs: points, poses, twists and transforms in 3D."""
 
 import math
 from typing import ClassVar, Self
@@ -9,13 +9,13 @@ from messages.base import Finite, Message, Metres, Packed36, check36, covariance
 from messages.std import Header
 
 FASTEST_LINEAR = 100.0
-"""No command or measurement of a ground robot exceeds this, m/s; beyond it a base refuses a command as nonsense."""
+"""Maximum linear speed [m/s] of a command or measurement of a ground robot; bases refuse commands beyond it."""
 FASTEST_ANGULAR = 1000.0
-"""As FASTEST_LINEAR, rad/s."""
+"""Maximum angular speed [rad/s], as FASTEST_LINEAR."""
 
 
 class Vector3(Message, frozen=True, kw_only=True):
-    """Three finite numbers; the unit is the owner's."""
+    """Three finite numbers; their unit depends on the field."""
 
     ROS_TYPE: ClassVar[str] = "geometry_msgs/Vector3"
     x: Finite = 0.0
@@ -33,7 +33,7 @@ class Point(Message, frozen=True, kw_only=True):
 
 
 class Point32(Message, frozen=True, kw_only=True):
-    """A position in a cloud of many, m."""
+    """A position in a point cloud, m."""
 
     ROS_TYPE: ClassVar[str] = "geometry_msgs/Point32"
     x: Metres = 0.0
@@ -52,7 +52,7 @@ class Quaternion(Message, frozen=True, kw_only=True):
 
     @classmethod
     def from_yaw(cls, yaw: float) -> Self:
-        """The rotation by ``yaw`` [rad] about the z axis."""
+        """Return the rotation by ``yaw`` [rad] about the z axis."""
         return cls(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
 
     @property
@@ -70,7 +70,7 @@ class Pose(Message, frozen=True, kw_only=True):
 
     @classmethod
     def planar(cls, x: float, y: float, yaw: float = 0.0) -> Self:
-        """The pose (x [m], y [m], yaw [rad]) on the ground."""
+        """Return the pose (x [m], y [m], yaw [rad]) on the ground."""
         return cls(position=Point(x=x, y=y), orientation=Quaternion.from_yaw(yaw))
 
 
@@ -99,7 +99,7 @@ class PointStamped(Message, frozen=True, kw_only=True):
 
 
 class PoseWithCovariance(Message, frozen=True, kw_only=True):
-    """A pose and its 6x6 covariance; give it ``packed``, as ``messages.base.covariance`` makes it."""
+    """A pose and its 6x6 covariance; set ``packed``, e.g. to the result of ``messages.base.covariance``."""
 
     ROS_TYPE: ClassVar[str] = "geometry_msgs/PoseWithCovariance"
     pose: Pose = Pose()
@@ -110,7 +110,7 @@ class PoseWithCovariance(Message, frozen=True, kw_only=True):
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """The 36 values; raises WrongPayload when the sender packed something else."""
+        """The 36 values; raises WrongPayload if the publisher packed something else."""
         return unpack36(self.packed)
 
 
@@ -123,7 +123,7 @@ class Wrench(Message, frozen=True, kw_only=True):
 
 
 class Twist(Message, frozen=True, kw_only=True):
-    """Velocity: linear in m/s, angular in rad/s; a base refuses what exceeds FASTEST_LINEAR or FASTEST_ANGULAR."""
+    """Velocity: linear in m/s, angular in rad/s; a base refuses values beyond FASTEST_LINEAR or FASTEST_ANGULAR."""
 
     ROS_TYPE: ClassVar[str] = "geometry_msgs/Twist"
     linear: Vector3 = Vector3()
@@ -131,7 +131,7 @@ class Twist(Message, frozen=True, kw_only=True):
 
     @classmethod
     def planar(cls, v: float, w: float) -> Self:
-        """The twist of a ground robot: forward speed ``v`` [m/s], turn rate ``w`` [rad/s]."""
+        """Return the twist of a ground robot: forward speed ``v`` [m/s], turn rate ``w`` [rad/s]."""
         return cls(linear=Vector3(x=v), angular=Vector3(z=w))
 
 
@@ -144,7 +144,7 @@ class TwistStamped(Message, frozen=True, kw_only=True):
 
 
 class TwistWithCovariance(Message, frozen=True, kw_only=True):
-    """A twist and its 6x6 covariance, given as in PoseWithCovariance."""
+    """A twist and its 6x6 covariance, set as in PoseWithCovariance."""
 
     ROS_TYPE: ClassVar[str] = "geometry_msgs/TwistWithCovariance"
     twist: Twist = Twist()
@@ -155,7 +155,7 @@ class TwistWithCovariance(Message, frozen=True, kw_only=True):
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """The 36 values; raises WrongPayload when the sender packed something else."""
+        """The 36 values; raises WrongPayload if the publisher packed something else."""
         return unpack36(self.packed)
 
 

@@ -1,5 +1,4 @@
-"""elea_msgs of joints: effort jobs, as Gazebo's ``apply_joint_effort`` took them, targets of controllers, and what a
-joint is and does."""
+"""elea_msgs of joints: efforts as in Gazebo's ``apply_joint_effort``, controllers' targets, and joint properties."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -12,10 +11,10 @@ Effort = Annotated[float, Meta(ge=-1e6, le=1e6, extra={"unit": "N m"})]
 
 
 class JointEffort(Message, frozen=True, kw_only=True):
-    """A job: this effort on a joint, N m or N, from ``start`` (now, if that is past) for ``duration`` seconds.
+    """An effort [N m or N] on a joint, from ``start_time`` (now, if past) for ``duration`` seconds.
 
-    It acts while start <= time <= start + duration; a negative duration holds until the joint is cleared. On the topic
-    ``joint_effort`` the joint is one of the model in whose namespace the topic lies.
+    It acts while start <= time <= start + duration; with a negative duration, until the joint is cleared. On the topic
+    ``joint_effort``, the joint belongs to the model of the topic's namespace.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointEffort"
@@ -26,12 +25,12 @@ class JointEffort(Message, frozen=True, kw_only=True):
 
 
 JointInterface = Literal["position", "velocity", "effort"]
-"""What a joint is commanded by, as ros_control names it."""
+"""The quantity by which a joint is commanded, as in ros_control."""
 
 
 class JointTarget(Message, frozen=True, kw_only=True):
-    """The target of one joint: be at a position [rad or m], turn at a velocity [rad/s or m/s] or feel an effort [N m or
-    N], as ``interface`` says. ``rate`` [rad/s or m/s] is how fast a position moves on."""
+    """The target of one joint: a position [rad or m], a velocity [rad/s or m/s] or an effort [N m or N], depending on
+    ``interface``. ``rate`` [rad/s or m/s] is the speed at which a position target moves on."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointTarget"
     joint_name: NameStr = ""
@@ -41,9 +40,11 @@ class JointTarget(Message, frozen=True, kw_only=True):
 
 
 class JointCommand(Message, frozen=True, kw_only=True):
-    """The targets of all joints that a controller manager commands, as of ``header.stamp``, for ``duration`` seconds.
+    """The targets of all joints that a controller manager commands, valid from ``header.stamp`` for ``duration``
+    seconds.
 
-    A joint that is not among the next ones, or whose time is over, is held where it is, or free if it felt an effort.
+    A joint that is missing from the next command, or whose command has expired, holds its position, or moves freely if
+    it was commanded by effort.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointCommand"
@@ -53,7 +54,7 @@ class JointCommand(Message, frozen=True, kw_only=True):
 
 
 class JointProperties(Message, frozen=True, kw_only=True):
-    """What a joint is (its URDF type, damping, friction and limits) and does (position, rate, applied effort)."""
+    """Properties of a joint (URDF type, damping, friction, limits) and its state (position, rate, applied effort)."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointProperties"
     model: str = ""
@@ -74,4 +75,4 @@ class JointProperties(Message, frozen=True, kw_only=True):
 _END = {"unit": "deg", "live": False}
 LowerEnd = Annotated[float, Meta(ge=-36_000, le=36_000, description="Lower end of the joint's range.", extra=_END)]
 UpperEnd = Annotated[float, Meta(ge=-36_000, le=36_000, description="Upper end of the joint's range.", extra=_END)]
-"""Parameters of every service of a set that must keep to a joint's range; a fleet wires those of the model."""
+"""Parameters of services that must keep to a joint's range; a fleet sets them from the model."""

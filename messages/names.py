@@ -1,8 +1,8 @@
-"""ROS names: which are legal, how they resolve against a node and its remapping rules, and their Zenoh keys.
+"""ROS names: which are legal, how they are resolved for a node and its remapping rules, and their Zenoh keys.
 
-A part is ``[A-Za-z_][A-Za-z0-9_]*``; parts are joined by single slashes. These are the rules and the lengths that ROS 2
-checks (rmw_validate_full_topic_name, rmw_validate_namespace and rmw_validate_node_name), with the ``~name`` and
-``__name`` of ROS 1 as well. All such names are legal Zenoh keys, and none holds a wildcard.
+A part is ``[A-Za-z_][A-Za-z0-9_]*``; parts are joined by single slashes. The rules and maximum lengths are those that
+ROS 2 checks (rmw_validate_full_topic_name, rmw_validate_namespace and rmw_validate_node_name), plus the ``~name`` and
+``__name`` of ROS 1. All such names are legal Zenoh keys, and none contains a wildcard.
 """
 
 import re
@@ -13,11 +13,11 @@ from typing import NamedTuple, Self
 from messages.errors import BadInput
 
 LONGEST = 247
-"""Characters of the absolute name of a topic or a request; rmw's RMW_TOPIC_MAX_NAME_LENGTH."""
+"""Maximum length of the absolute name of a topic or a request; rmw's RMW_TOPIC_MAX_NAME_LENGTH."""
 LONGEST_NAMESPACE = 245
-"""Characters of an absolute namespace; rmw's RMW_NAMESPACE_MAX_LENGTH."""
+"""Maximum length of an absolute namespace; rmw's RMW_NAMESPACE_MAX_LENGTH."""
 LONGEST_NODE = 255
-"""Characters of a node's own name, without its namespace; rmw's RMW_NODE_NAME_MAX_NAME_LENGTH."""
+"""Maximum length of a node's own name, without its namespace; rmw's RMW_NODE_NAME_MAX_NAME_LENGTH."""
 _LONGEST_ABSOLUTE = LONGEST_NAMESPACE + 1 + LONGEST_NODE
 
 _PART = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -28,11 +28,11 @@ _CHARACTERS = "a name has letters, digits, '_' and '/' only"
 
 
 class BadName(BadInput):
-    """A name or rule from outside is not legal; the text says what it is, which character, and the rule."""
+    """A name or rule from outside is not legal; the text names it, the offending character and the rule."""
 
 
 class Remap(NamedTuple):
-    """A rule ``origin:=target``; both sides are as written, not resolved."""
+    """A rule ``origin:=target``; both sides as written, not resolved."""
 
     origin: str
     target: str
@@ -45,7 +45,7 @@ NAMESPACE_RULE = "__ns"
 
 
 def validate(name: str, longest: int = LONGEST) -> str:
-    """``name`` itself if it is a legal relative, absolute or private name of a topic; raises BadName otherwise."""
+    """Return ``name`` if it is a legal relative, absolute or private topic name; raises BadName otherwise."""
     _measure(name, longest, "a name")
     if not name:
         raise BadName("'' is not a name: it is empty")
@@ -64,10 +64,10 @@ def validate(name: str, longest: int = LONGEST) -> str:
 
 
 def resolve(name: str, namespace: str, node: str) -> str:
-    """The absolute name that ``name`` means to a node.
+    """Resolve ``name`` to its absolute name for a node.
 
-    ``/name`` is itself, ``name`` is in ``namespace``, ``~/name`` and ``~name`` are below the node, ``~`` is the node.
-    ``namespace`` may lack its slash; ``node`` is the node's name in it, or its absolute name. Raises BadName.
+    ``/name`` is unchanged, ``name`` is in ``namespace``, ``~/name`` and ``~name`` are below the node, ``~`` is the
+    node. ``namespace`` may lack its leading slash; ``node`` is relative to it, or absolute. Raises BadName.
     """
     validate(name)
     if name.startswith("/"):
@@ -80,7 +80,7 @@ def resolve(name: str, namespace: str, node: str) -> str:
 
 
 def absolute_namespace(namespace: str) -> str:
-    """``/`` for the root (also written as nothing), ``/tb3_0`` for ``tb3_0``; raises BadName."""
+    """Return ``/`` for the root (also written as an empty text), ``/tb3_0`` for ``tb3_0``; raises BadName."""
     if namespace in ("", "/"):
         return "/"
     if namespace.startswith("~"):
@@ -92,30 +92,30 @@ def absolute_namespace(namespace: str) -> str:
 
 
 def join(namespace: str, name: str) -> str:
-    """The relative ``name`` in an absolute namespace: ``/odom`` in ``/``, ``/tb3_0/odom`` in ``/tb3_0``."""
+    """Return ``name`` in an absolute namespace: ``/odom`` in ``/``, ``/tb3_0/odom`` in ``/tb3_0``."""
     return f"{namespace.rstrip('/')}/{name}"
 
 
 def key(absolute: str) -> str:
-    """The Zenoh key of an absolute name of a topic or a node: ``/tb3_0/cmd_vel`` is ``tb3_0/cmd_vel``."""
+    """Return the Zenoh key of the absolute name of a topic or node: ``tb3_0/cmd_vel`` for ``/tb3_0/cmd_vel``."""
     if not absolute.startswith("/"):
         raise BadName(f"{absolute!r} has no key: it is not absolute; resolve it first")
     return validate(absolute, _LONGEST_ABSOLUTE)[1:]
 
 
 def name_of(zenoh_key: str) -> str:
-    """The absolute name of the topic that a Zenoh key belongs to; raises BadName for the keys that no topic has."""
+    """Return the absolute topic name of a Zenoh key; raises BadName for a key that is not a topic's."""
     return validate("/" + zenoh_key)
 
 
 def parse_assignment(text: str) -> tuple[str, str] | None:
-    """The name and value of a private parameter, of ``_name:=value`` as ROS 1 writes it; None for any other text."""
+    """Parse ``_name:=value``, ROS 1's syntax for a private parameter, to name and value; None for any other text."""
     origin, mark, value = text.partition(":=")
     return (origin[1:], value) if mark and origin.startswith("_") and not origin.startswith("__") else None
 
 
 def parse_remap(text: str) -> Remap:
-    """The rule written as ``from:=to``; raises BadName, also for ``_name:=value``, which sets a parameter."""
+    """Parse a remapping rule ``from:=to``; raises BadName, also for ``_name:=value``, which sets a parameter."""
     if (assigned := parse_assignment(text)) is not None:
         raise BadName(
             f"{text!r} is not a remapping rule: _name:=value sets the private parameter {assigned[0]!r}; "
@@ -149,7 +149,7 @@ class Identity:
 
     @classmethod
     def of(cls, name: str, namespace: str = "/", rules: Iterable[Remap] = ()) -> Self:
-        """The identity after the rules ``__node``, ``__name`` and ``__ns``, of each kind the first; raises BadName."""
+        """Apply the rules ``__node`` or ``__name`` and ``__ns``, the first of each; raises BadName."""
         rules = tuple(rules)
         name = next((rule.target for rule in rules if rule.origin in NODE_RULES), name)
         namespace = next((rule.target for rule in rules if rule.origin == NAMESPACE_RULE), namespace)
@@ -157,19 +157,19 @@ class Identity:
         return cls(namespace, _absolute_node(_node_name(name), namespace), rules)
 
     def resolve(self, name: str) -> str:
-        """The absolute name behind ``name`` after remapping; raises BadName."""
+        """Return the absolute name of ``name`` after remapping; raises BadName."""
         return remap(name, self.namespace, self.node, self.rules)
 
     def key(self, name: str) -> str:
-        """The Zenoh key behind ``name``."""
+        """Return the Zenoh key of ``name`` after remapping; raises BadName."""
         return key(self.resolve(name))
 
 
 def remap(name: str, namespace: str, node: str, rules: Iterable[Remap]) -> str:
-    """The absolute name that ``name`` means to a node under its rules.
+    """Resolve ``name`` to its absolute name for a node with remapping rules.
 
     Both sides of a rule are resolved like ``name``; the first rule whose resolved origin equals the resolved name
-    counts, and its target is not remapped again.
+    applies, and its target is not remapped again.
     """
     resolved = resolve(name, namespace, node)
     for origin, target in rules:
@@ -180,7 +180,7 @@ def remap(name: str, namespace: str, node: str, rules: Iterable[Remap]) -> str:
 
 
 def mangle(text: str) -> str:
-    """A name or type as one chunk of a liveliness token's key: ``/tb3_0/cmd_vel`` is ``%tb3_0%cmd_vel``."""
+    """Encode a name or type as one chunk of a liveliness token's key: ``%tb3_0%cmd_vel`` for ``/tb3_0/cmd_vel``."""
     if unfit := _UNFIT.search(text):
         raise _bad(text, unfit.start(), "a token's key cannot hold it")
     if not text:
@@ -189,12 +189,12 @@ def mangle(text: str) -> str:
 
 
 def unmangle(chunk: str) -> str:
-    """The text behind a chunk that ``mangle`` made; what others made is not checked."""
+    """Decode a chunk encoded by ``mangle``, without validation."""
     return chunk.replace("%", "/")
 
 
 def _absolute_node(node: str, namespace: str) -> str:
-    """The absolute name of a node, which may be absolute already."""
+    """Return the absolute name of a node, given relative to its namespace or absolute."""
     if node.startswith("/"):
         return validate(node, _LONGEST_ABSOLUTE)
     return join(absolute_namespace(namespace), _node_name(node))

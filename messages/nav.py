@@ -28,7 +28,7 @@ class Path(Message, frozen=True, kw_only=True):
 
 
 MOST_CELLS = 8_000_000
-"""Of a map."""
+"""Maximum number of cells of a map."""
 
 UInt32 = Annotated[int, Meta(ge=0, lt=2**32)]
 Occupancy = Annotated[int, Meta(ge=-128, le=127)]
@@ -46,7 +46,7 @@ class MapMetaData(Message, frozen=True, kw_only=True):
 
 
 class OccupancyGrid(Message, frozen=True, kw_only=True):
-    """A map: the probability [%] that each cell is occupied, -1 where that is unknown; row by row from the origin."""
+    """A map: the probability [%] that each cell is occupied, -1 if unknown; row by row from the origin."""
 
     ROS_TYPE: ClassVar[str] = "nav_msgs/OccupancyGrid"
     header: Header = Header()
@@ -55,7 +55,7 @@ class OccupancyGrid(Message, frozen=True, kw_only=True):
 
 
 class GetMap(Message, frozen=True, kw_only=True):
-    """A request for the map."""
+    """Get the map of a map server."""
 
     ROS_TYPE: ClassVar[str] = "nav_msgs/GetMap"
 

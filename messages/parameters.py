@@ -14,7 +14,8 @@ Value = Scalar | Annotated[tuple[Scalar | _Scalars, ...], Meta(max_length=10_000
 """A parameter's value: a scalar, a list of scalars, or a list of such lists, each of at most 10,000 items."""
 
 Origin = Literal["default", "fleet", "saved", "command line", "run"]
-"""Where a value comes from; a later one in this list wins. ``run`` is set for this run only and never saved."""
+"""Origin of a value; a later one in this list takes precedence. ``run`` values apply to this run only and are never
+saved."""
 
 SetName = Annotated[str, Meta(max_length=255)]
 RequestId = Annotated[str, Meta(max_length=64)]
@@ -24,16 +25,16 @@ Who = Annotated[str, Meta(max_length=255)]
 class ParameterDescription(Message, frozen=True, kw_only=True):
     """One parameter: its type, default, bounds, choices, unit and text.
 
-    ``choice_values`` are what the choices stand for, as text and in their order, where they are names of something: a
-    choice may be given by either.
+    ``choice_values`` are the values that the choices name, as text and in the same order, if the choices are names; a
+    choice may then be given by its name or its value.
 
     ``type`` is ``bool``, ``int``, ``float``, ``str``, or one of these followed by ``[]`` or ``[][]``; ``optional``
     allows null. ``low`` and ``high`` are inclusive unless ``above`` and ``below`` exclude them. ``shortest`` and
-    ``longest`` bound the number of items at each level of a list, outermost first, then the characters of a text; 0 is
-    no bound. ``at_most`` names another parameter of the set that this one may not exceed; ``excludes`` names some that
-    must be off (null or false) while this one is on. A ``live`` parameter can change while its service runs; others
-    are given by the fleet file or the command line. ``level`` is the bit mask that subscribers get when it changes, as
-    in dynamic_reconfigure.
+    ``longest`` bound the number of items at each level of a list, outermost first, then the characters of a text; 0
+    means unbounded. ``at_most`` names another parameter of the set that this one may not exceed; ``excludes`` names
+    those that must be off (null or false) while this one is on. A ``live`` parameter can change while its service runs;
+    others are set by the fleet file or the command line. ``level`` is the bit mask passed to subscribers when it
+    changes, as in dynamic_reconfigure.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterDescription"
@@ -67,7 +68,7 @@ class ParameterSchema(Message, frozen=True, kw_only=True):
 
 
 class Parameter(Message, frozen=True, kw_only=True):
-    """One effective value and where it comes from."""
+    """One effective value and its origin."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Parameter"
     name: str = ""
@@ -78,8 +79,8 @@ class Parameter(Message, frozen=True, kw_only=True):
 class ParameterValues(Message, frozen=True, kw_only=True):
     """All effective values of a set, latched on ``<set>/parameter_updates`` at each change.
 
-    ``revision`` grows with every change; ``level`` is the union of the levels of what changed, all ones at first.
-    ``note`` says which values were clamped, converted or dropped, and why.
+    ``revision`` increases with every change; ``level`` is the union of the levels of the changed parameters, all ones
+    at first. ``note`` says which values were clamped, converted or dropped, and why.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterValues"
@@ -102,10 +103,10 @@ Assignments = Annotated[tuple[Assignment, ...], Meta(max_length=MOST_ITEMS)]
 
 
 class Announcement(Message, frozen=True, kw_only=True):
-    """A node announces the parameters that it has in a set, and the values that its fleet file and command line give.
+    """Announces the parameters that a node has in a set, and their values from its fleet file and command line.
 
-    ``run`` are values that were set for this run only: they count after a restart of the parameter service.
-    ``leaves`` says instead that the node no longer follows the set, as when a robot leaves the world.
+    ``run`` are values that were set for this run only, kept across restarts of the parameter service. With ``leaves``,
+    the node stops following the set instead, as when a robot leaves the world.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Announcement"
@@ -119,9 +120,9 @@ class Announcement(Message, frozen=True, kw_only=True):
 
 
 class ScheduledChange(Message, frozen=True, kw_only=True):
-    """A change of the run's schedule whose time has come: ``number`` counts in the order of their times from 0.
+    """A due change of the run's schedule: ``number`` is its index, from 0, in order of time.
 
-    ``time`` is the simulation time at which it was made or refused; ``reason`` says why it was not made.
+    ``time`` is the simulation time at which it was applied or refused; ``reason`` explains a refusal.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ScheduledChange"
@@ -132,7 +133,7 @@ class ScheduledChange(Message, frozen=True, kw_only=True):
 
 
 class ScheduledChanges(Message, frozen=True, kw_only=True):
-    """The scheduled changes of a run whose time has come in this ``epoch``, made or refused."""
+    """The due scheduled changes of a run in this ``epoch``, applied or refused."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ScheduledChanges"
     epoch: Count = 0
@@ -147,7 +148,7 @@ class ParameterSet(Message, frozen=True, kw_only=True):
 
 
 class ParameterSets(Message, frozen=True, kw_only=True):
-    """All sets, described."""
+    """The descriptions of all parameter sets."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterSets"
     sets: tuple[ParameterSchema, ...] = ()
@@ -156,9 +157,9 @@ class ParameterSets(Message, frozen=True, kw_only=True):
 class SetParameters(Message, frozen=True, kw_only=True):
     """Change several parameters of a set, all or none.
 
-    ``clamp`` replaces a number that is out of bounds by the bound instead of refusing it. ``id`` names the request:
-    sent again with the same id, it is not applied again. ``run`` makes the change for this run only, without saving
-    it. ``kind`` is what the history calls it.
+    ``clamp`` replaces a number out of bounds by the bound instead of refusing it. ``id`` identifies the request:
+    repeated with the same ID, it is not applied again. ``run`` makes the change for this run only, without saving it.
+    ``kind`` is its label in the history.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetParameters"
@@ -172,7 +173,7 @@ class SetParameters(Message, frozen=True, kw_only=True):
 
 
 class ResetParameters(Message, frozen=True, kw_only=True):
-    """Reset the named parameters, or all if none is named, to the fleet file and the defaults."""
+    """Reset the named parameters, or all if none is named, to their values from the fleet file or the defaults."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ResetParameters"
     set: SetName = ""
@@ -182,9 +183,10 @@ class ResetParameters(Message, frozen=True, kw_only=True):
 
 
 class UndoParameters(Message, frozen=True, kw_only=True):
-    """Undo the newest change of a set that is not undone yet, or the one that made its ``revision``.
+    """Undo the newest change of a set that is not undone yet, or the one that created ``revision``.
 
-    Of an older change, only the parameters that no later change has touched are restored. A second time does nothing.
+    For an older change, only parameters that no later change has touched are restored. Undoing a change twice has no
+    effect.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/UndoParameters"
@@ -195,9 +197,9 @@ class UndoParameters(Message, frozen=True, kw_only=True):
 
 
 class ParameterChange(Message, frozen=True, kw_only=True):
-    """One change of the history: who made it, when (wall time and simulation time), the values before and after.
+    """One change in the history: who made it, when (wall time and simulation time), the values before and after.
 
-    ``run`` marks a change for one run only, which is not saved; ``undone`` one that was undone.
+    ``run`` marks an unsaved change for one run; ``undone`` one that was undone.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterChange"
@@ -214,7 +216,7 @@ class ParameterChange(Message, frozen=True, kw_only=True):
 
 
 class HistoryOf(Message, frozen=True, kw_only=True):
-    """The newest changes of a set, or of all when it is empty."""
+    """Get the newest changes of a set, or of all sets if it is empty."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/HistoryOf"
     set: SetName = ""

@@ -1,4 +1,4 @@
-"""Reads a payload of any type, known or not, as plain values: dicts, lists, text, numbers, bools, bytes."""
+"""Decodes a payload of any type, known or not, to plain values: dicts, lists, text, numbers, bools, bytes."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _FORMATS = {
     "u8": "Q",
     "b1": "?",
 }
-"""Numpy's name of an element's kind and size, and the one of ``struct``."""
+"""``struct`` codes by numpy's element kind and size."""
 
 _decode = decoder(Any)
 _parts = decoder(tuple[str, tuple[int, ...], bytes])
 
 
 def plain(payload: bytes) -> Any:
-    """The value of a MessagePack payload, without its type; raises WrongPayload if it is not one whole value.
+    """Decode a MessagePack payload without its type; raises WrongPayload if it is not exactly one value.
 
-    The array extension becomes nested lists by its shape, keys become text. An unknown extension is shown as
+    The array extension becomes nested lists of its shape, keys become text. An unknown extension is shown as
     ``{"extension": code, "data": bytes}``, a timestamp as text.
     """
     try:
@@ -41,7 +41,7 @@ def plain(payload: bytes) -> Any:
 
 
 def plain_record(message: Message) -> Any:
-    """The fields of a record by their names on the wire, as ``plain`` shows them."""
+    """Return the fields of a record by their names on the wire, in the form of ``plain``."""
     return plain(encode(message))
 
 
@@ -57,19 +57,19 @@ def _plain(value: Any) -> Any:
 
 
 def array_values(packed: Ext) -> tuple[str, int, list[Any]] | None:
-    """The dtype, the bytes and the values, flat, of a packed array; None when it is none that we can read."""
+    """Return dtype, size [bytes] and flat values of a packed array; None if it cannot be decoded."""
     found = _array_parts(packed)
     return None if found is None else (found[0], found[2], found[3])
 
 
 def _array(packed: Ext) -> Any:
-    """The nested lists of an array, or None when it is none that we can read."""
+    """Return the nested lists of an array; None if it cannot be decoded."""
     found = _array_parts(packed)
     return None if found is None else _folded(found[3], found[1])
 
 
 def _array_parts(packed: Ext) -> tuple[str, tuple[int, ...], int, list[Any]] | None:
-    """Dtype, shape, bytes and flat values of an array."""
+    """Return dtype, shape, size [bytes] and flat values of an array; None if it cannot be decoded."""
     if packed.code != ARRAY_CODE:
         return None
     try:
@@ -86,7 +86,7 @@ def _array_parts(packed: Ext) -> tuple[str, tuple[int, ...], int, list[Any]] | N
 
 
 def _folded(values: list[Any], shape: tuple[int, ...]) -> Any:
-    """The values as lists in lists; an array without values is an empty list, however many of them it would have."""
+    """Nest the values by shape; an array without values becomes an empty list, whatever its shape."""
     if not shape:
         return values[0]
     for extent in reversed(shape[1:] if values else ()):

@@ -1,4 +1,4 @@
-"""The table of all records by the name of their ROS type."""
+"""The table of all record classes by the name of their ROS type."""
 
 import msgspec
 
@@ -60,22 +60,22 @@ RECORDS: dict[str, type[Message]] = {
     for each in vars(module).values()
     if isinstance(each, type) and issubclass(each, Message) and each.__module__ == module.__name__
 }
-"""Every record of this project, ``geometry_msgs/Twist`` for one."""
+"""Every record of this project by its ROS type, e.g. ``geometry_msgs/Twist``."""
 
 
 class UnknownRecord(BadInput, LookupError):
-    """No record has this ROS type; the text names the nearest one, or all."""
+    """No record has this ROS type; the text names the nearest one, or lists all."""
 
 
 def unknown_record(ros_type: str) -> type[Message]:
-    """A record without fields that stands for a type that this project does not know."""
+    """Return a record class without fields for a type that this project does not know."""
     made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
     assert issubclass(made, Message)
     return made
 
 
 def record(type_name: str) -> type[Message]:
-    """The record of a ROS type, which may be written as in ROS 2 (``geometry_msgs/msg/Twist``).
+    """Return the record of a ROS type, also in ROS 2's spelling (``geometry_msgs/msg/Twist``).
 
     Raises UnknownRecord.
     """

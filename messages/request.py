@@ -1,4 +1,4 @@
-"""A named request: what a service may be asked, with typed arguments and results."""
+"""A service request type: its name, and the record types of request and response."""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -10,14 +10,14 @@ R_co = TypeVar("R_co", bound=Message, covariant=True)
 
 
 MAX_REQUEST_BYTES = 1 << 16
-"""Bytes that a request may have, unless it says otherwise."""
+"""Default maximum size of a request [bytes]."""
 
 
 @dataclass(frozen=True)
 class Request(Generic[Q_co, R_co]):
-    """A named request: its ROS name (relative, absolute or private), the records asked and replied.
+    """A service: its ROS name (relative, absolute or private) and the records of its request and response.
 
-    A request of more than ``largest`` bytes is refused unread.
+    A request of more than ``largest`` bytes is refused without decoding.
     """
 
     name: str

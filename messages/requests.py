@@ -1,4 +1,4 @@
-"""Requests and replies: what a service may be asked, with typed arguments and results."""
+"""The services of this project, with their request and response types."""
 
 from typing import ClassVar
 
@@ -79,14 +79,14 @@ class Name(Message, frozen=True, kw_only=True):
 
 
 class Refusal(Message, frozen=True, kw_only=True):
-    """The error reply to any request: why it was not carried out."""
+    """The error reply to a request; ``reason`` says why it was refused."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Refusal"
     reason: str = ""
 
 
 class Done(Message, frozen=True, kw_only=True):
-    """It is done; ``text`` says what."""
+    """The reply to a successful request; ``text`` describes what was done."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Done"
     text: str = ""
@@ -197,14 +197,14 @@ SIM_REQUESTS: tuple[Request[Message, Message], ...] = (
     MODEL_PROPERTIES,
     WORLD_PROPERTIES,
 )
-"""The requests of the simulation."""
+"""The services of the simulation."""
 
 SUPERVISOR_REQUESTS: tuple[Request[Message, Message], ...] = (
     SUPERVISOR_START,
     SUPERVISOR_STOP,
     SUPERVISOR_RESTART,
 )
-"""The requests of a fleet's supervisor."""
+"""The services of a fleet's supervisor."""
 
 PARAMS_REQUESTS: tuple[Request[Message, Message], ...] = (
     PARAMS_ANNOUNCE,
@@ -221,10 +221,10 @@ PARAMS_REQUESTS: tuple[Request[Message, Message], ...] = (
     ROSPARAM_SEARCH,
     ROSPARAM_NAMES,
 )
-"""The requests of the parameter service."""
+"""The services of the parameter service."""
 
 CONTROLLER_REQUESTS: tuple[Request[Message, Message], ...] = (LIST_CONTROLLERS, SWITCH_CONTROLLER)
-"""What a controller manager serves, as ``/NAMESPACE/controller_manager/list_controllers``."""
+"""The services of a controller manager, e.g. ``/NAMESPACE/controller_manager/list_controllers``."""
 
 TURTLESIM_REQUESTS: tuple[Request[Message, Message], ...] = (
     TURTLESIM_CLEAR,
@@ -235,7 +235,7 @@ TURTLESIM_REQUESTS: tuple[Request[Message, Message], ...] = (
     TELEPORT_ABSOLUTE,
     TELEPORT_RELATIVE,
 )
-"""The requests of turtlesim; the last three are of each turtle, as ``/turtle1/set_pen``."""
+"""The services of turtlesim; the last three exist for each turtle, e.g. ``/turtle1/set_pen``."""
 
 REQUESTS: tuple[Request[Message, Message], ...] = (
     *SIM_REQUESTS,
@@ -246,4 +246,4 @@ REQUESTS: tuple[Request[Message, Message], ...] = (
     *TURTLESIM_REQUESTS,
     *GAZEBO_REQUESTS,
 )
-"""Every request of this project."""
+"""Every service of this project."""

@@ -9,7 +9,7 @@ from messages.std import Header, Time
 
 
 class Clock(Message, frozen=True, kw_only=True):
-    """Simulation time. Beyond ROS: the count of physics steps, the epoch (one more at each reset) and the pause."""
+    """Simulation time. Beyond ROS: the number of physics steps, the epoch (incremented at each reset) and the pause."""
 
     ROS_TYPE: ClassVar[str] = "rosgraph_msgs/Clock"
     clock: Time = Time()
@@ -19,7 +19,7 @@ class Clock(Message, frozen=True, kw_only=True):
 
 
 DEBUG, INFO, WARN, ERROR, FATAL = 1, 2, 4, 8, 16
-"""The levels of a Log, as in ROS."""
+"""Log levels, as in ROS 1."""
 
 
 class Log(Message, frozen=True, kw_only=True):

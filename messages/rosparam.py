@@ -1,4 +1,4 @@
-"""elea_msgs of ROS 1's parameters: one tree of values that all nodes share. Values travel as JSON texts."""
+"""elea_msgs of ROS 1's parameters: one tree of values shared by all nodes. Values are encoded as JSON."""
 
 from typing import Annotated, ClassVar
 
@@ -7,7 +7,7 @@ from msgspec import Meta
 from messages.base import MOST_ITEMS, Count, Message, NameStr, Nanoseconds
 
 MAX_TREE_BYTES = 4 << 20
-"""Characters of the JSON text of a tree, or of one value."""
+"""Maximum length of the JSON text of the tree, or of one value."""
 
 ParamKey = Annotated[str, Meta(max_length=1024)]
 JsonText = Annotated[str, Meta(max_length=MAX_TREE_BYTES)]
@@ -16,9 +16,9 @@ JsonText = Annotated[str, Meta(max_length=MAX_TREE_BYTES)]
 class RosparamSet(Message, frozen=True, kw_only=True):
     """Set the value at ``key``, or with a map, a whole branch; ``value`` is its JSON text.
 
-    ``writer`` is the node, which counts its changes in ``number`` from 1. With a ``time`` the change counts from the
-    first tick of the parameter service after it, which makes it the same in every run of lockstep, 0 being before time
-    began; without one, at once.
+    ``writer`` is the node, which numbers its changes from 1 in ``number``. With a ``time`` [ns], the change is applied
+    at the first later tick of the parameter service, which makes it the same in every lockstep run; 0 means before
+    simulation time started. Without one, it is applied at once.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/RosparamSet"
@@ -30,7 +30,7 @@ class RosparamSet(Message, frozen=True, kw_only=True):
 
 
 class RosparamDelete(Message, frozen=True, kw_only=True):
-    """Delete the value or branch at ``key``; the other fields are those of RosparamSet."""
+    """Delete the value or branch at ``key``; the other fields are as in RosparamSet."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/RosparamDelete"
     key: ParamKey = ""
@@ -40,7 +40,7 @@ class RosparamDelete(Message, frozen=True, kw_only=True):
 
 
 class RosparamGet(Message, frozen=True, kw_only=True):
-    """Get the value or branch at ``key``; ``/`` is the whole tree. A ``writer`` may be named."""
+    """Get the value or branch at ``key``; ``/`` is the whole tree. ``writer`` is optional."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/RosparamGet"
     key: ParamKey = "/"
@@ -48,7 +48,7 @@ class RosparamGet(Message, frozen=True, kw_only=True):
 
 
 class RosparamValue(Message, frozen=True, kw_only=True):
-    """A value as JSON text, the revision of the tree, and the number of the asking writer's last change in it."""
+    """A value as JSON text, the revision of the tree, and the number of the requesting writer's last change in it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/RosparamValue"
     value: JsonText = "{}"
@@ -57,14 +57,14 @@ class RosparamValue(Message, frozen=True, kw_only=True):
 
 
 class RosparamKey(Message, frozen=True, kw_only=True):
-    """The absolute name of a parameter or branch; empty in a reply that has found none."""
+    """The absolute name of a parameter or branch; empty in a reply if none was found."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/RosparamKey"
     key: ParamKey = ""
 
 
 class RosparamSearch(Message, frozen=True, kw_only=True):
-    """Search ``key`` in ``namespace``, and from there upwards."""
+    """Search ``key`` in ``namespace`` and its parents."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/RosparamSearch"
     namespace: ParamKey = "/"
@@ -79,7 +79,7 @@ class RosparamNames(Message, frozen=True, kw_only=True):
 
 
 class RosparamWriter(Message, frozen=True, kw_only=True):
-    """A node that has changed the tree, and the number of its last change that is in it."""
+    """A node that has changed the tree, and the number of its last change in it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/RosparamWriter"
     node: NameStr = ""
@@ -87,7 +87,7 @@ class RosparamWriter(Message, frozen=True, kw_only=True):
 
 
 class RosparamTree(Message, frozen=True, kw_only=True):
-    """The whole tree as JSON text, latched on ``/rosparam/tree`` after each change; ``revision`` counts them."""
+    """The whole tree as JSON text, latched on ``/rosparam/tree`` after each change; ``revision`` counts the changes."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/RosparamTree"
     revision: Count = 0

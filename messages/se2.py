@@ -1,4 +1,4 @@
-"""Poses and velocities on the ground: composed, inverted, compared; plain arithmetic, in metres and radians."""
+"""Planar poses and velocities: composition, inverse, difference; plain arithmetic, in metres and radians."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from messages.geometry import Pose, Transform, Twist
 class Pose2(NamedTuple):
     """The pose of a frame in its parent: x, y [m] and yaw [rad], which no operation wraps.
 
-    It is also the transform from the frame to its parent: a point p is R(yaw) p + (x, y) in the parent.
+    It is also the transform from the frame to its parent: a point p becomes R(yaw) p + (x, y) in the parent.
     """
 
     x: float = 0.0
@@ -20,24 +20,24 @@ class Pose2(NamedTuple):
 
     @classmethod
     def from_msg(cls, message: Pose | Transform) -> Pose2:
-        """The planar part of a pose or transform."""
+        """Return the planar part of a pose or transform."""
         if isinstance(message, Pose):
             return cls(message.position.x, message.position.y, message.orientation.yaw)
         return cls(message.translation.x, message.translation.y, message.rotation.yaw)
 
     @classmethod
     def aligning(cls, there: Pose2, here: Pose2) -> Pose2:
-        """The transform that maps the pose ``here`` of one frame to the same pose ``there`` in another frame."""
+        """Return the transform that maps ``here``, a pose in one frame, to ``there``, the same pose in another."""
         yaw = there.yaw - here.yaw
         c, s = math.cos(yaw), math.sin(yaw)
         return cls(there.x - (c * here.x - s * here.y), there.y - (s * here.x + c * here.y), yaw)
 
     def to_msg(self) -> Pose:
-        """The pose as a message, at z = 0."""
+        """Return the pose as a message, at z = 0."""
         return Pose.planar(self.x, self.y, self.yaw)
 
     def compose(self, inner: Pose2) -> Pose2:
-        """``inner``, which is a pose in this frame, in the parent of this frame; also written ``self @ inner``."""
+        """Transform ``inner`` from this frame to its parent; also written ``self @ inner``."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2(
             c * inner.x - s * inner.y + self.x,
@@ -49,12 +49,12 @@ class Pose2(NamedTuple):
         return self.compose(inner)
 
     def inverse(self) -> Pose2:
-        """The pose of the parent in this frame."""
+        """Return the pose of the parent in this frame."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
 
     def between(self, there: Pose2) -> Pose2:
-        """``there``, which is a pose in the parent, in this frame: ``self @ self.between(there)`` is ``there``."""
+        """Transform ``there`` from the parent to this frame: ``self @ self.between(there)`` is ``there``."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         dx, dy = there.x - self.x, there.y - self.y
         return Pose2(c * dx + s * dy, c * dy - s * dx, there.yaw - self.yaw)
@@ -73,11 +73,11 @@ class Twist2(NamedTuple):
 
     @classmethod
     def from_msg(cls, twist: Twist) -> Twist2:
-        """The part of a twist that a ground robot has."""
+        """Return the planar part of a twist."""
         return cls(twist.linear.x, twist.angular.z)
 
     def to_msg(self) -> Twist:
-        """The velocity as a message."""
+        """Return the velocity as a message."""
         return Twist.planar(self.v, self.w)
 
 
@@ -87,5 +87,5 @@ ZERO_TWIST = Twist2()
 
 
 def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi]."""
+    """Wrap an angle [rad] to [-pi, pi]."""
     return math.remainder(angle, math.tau)

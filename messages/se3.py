@@ -1,6 +1,6 @@
-"""Rigid transforms in three dimensions: composed, inverted, interpolated; plain arithmetic, 2 us each.
+"""Rigid transforms in 3D: composition, inverse, interpolation; plain arithmetic, 2 us each.
 
-A rotation is a unit quaternion (x, y, z, w). Where a docstring says so, components may be arrays of one length.
+A rotation is a unit quaternion (x, y, z, w). Where a docstring says so, components may be arrays of equal length.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ Vector = tuple[float, float, float]
 Rotation = tuple[float, float, float, float]
 
 NEARLY_ONE = 0.9995
-"""Cosine of half the angle between two rotations above which a straight line is as good as an arc, and safer: the
-sine in the arc's denominator goes to 0."""
+"""Cosine of half the angle between two rotations above which they are interpolated linearly: as accurate as slerp, and
+safe where the sine in its denominator goes to 0."""
 
 
 class Pose3(NamedTuple):
     """The pose of a frame in its parent: ``position`` [m] and ``orientation``, a unit quaternion (x, y, z, w).
 
-    It is also the transform from the frame to its parent: a point p is R(orientation) p + position in the parent.
+    It is also the transform from the frame to its parent: a point p becomes R(orientation) p + position in the parent.
     """
 
     position: Vector = (0.0, 0.0, 0.0)
@@ -29,7 +29,7 @@ class Pose3(NamedTuple):
 
     @classmethod
     def from_msg(cls, message: Pose | Transform) -> Pose3:
-        """The pose or transform of a message, its rotation scaled to length 1."""
+        """Return the pose or transform of a message, its quaternion normalized."""
         t, q = (
             (message.position, message.orientation)
             if isinstance(message, Pose)
@@ -40,16 +40,16 @@ class Pose3(NamedTuple):
 
     @classmethod
     def planar(cls, x: float, y: float, yaw: float = 0.0) -> Pose3:
-        """The pose (x [m], y [m], yaw [rad]) on the ground."""
+        """Return the pose (x [m], y [m], yaw [rad]) on the ground."""
         return cls((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
 
     def to_msg(self) -> Pose:
-        """The pose as a message."""
+        """Return the pose as a message."""
         (x, y, z), (i, j, k, w) = self
         return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=i, y=j, z=k, w=w))
 
     def to_transform(self) -> Transform:
-        """The pose as a message of tf."""
+        """Return the pose as a tf message."""
         (x, y, z), (i, j, k, w) = self
         return Transform(translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=i, y=j, z=k, w=w))
 
@@ -59,7 +59,7 @@ class Pose3(NamedTuple):
         return rpy_from_quaternion(self.orientation)
 
     def compose(self, inner: Pose3) -> Pose3:
-        """``inner``, which is a pose in this frame, in the parent of this frame; also written ``self @ inner``."""
+        """Transform ``inner`` from this frame to its parent; also written ``self @ inner``."""
         x, y, z = rotate(self.orientation, inner.position)
         return Pose3(
             (self.position[0] + x, self.position[1] + y, self.position[2] + z),
@@ -70,13 +70,14 @@ class Pose3(NamedTuple):
         return self.compose(inner)
 
     def inverse(self) -> Pose3:
-        """The pose of the parent in this frame: R^T, -R^T p."""
+        """Return the pose of the parent in this frame: R^T, -R^T p."""
         back = quaternion_conjugate(self.orientation)
         x, y, z = rotate(back, self.position)
         return Pose3((-x, -y, -z), back)
 
     def interpolate(self, other: Pose3, share: float) -> Pose3:
-        """Between this (share 0) and ``other`` (share 1): positions on a line, rotations on the shorter arc (slerp).
+        """Interpolate between this pose (share 0) and ``other`` (share 1): positions linearly, rotations by slerp on
+        the shorter arc.
 
         q = (q0 sin((1 - s) a) + q1 sin(s a)) / sin a with cos a = q0 . q1 (Shoemake 1985).
         """
@@ -99,7 +100,7 @@ IDENTITY = Pose3()
 
 
 def rotate(rotation: Rotation, vector: Vector) -> Vector:
-    """R(q) v = v + 2 u x (u x v + w v), with u the vector part; the components of ``vector`` may be arrays."""
+    """Rotate a vector: R(q) v = v + 2 u x (u x v + w v), u the vector part; components of ``vector`` may be arrays."""
     x, y, z, w = rotation
     a, b, c = vector
     i, j, k = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
@@ -107,24 +108,24 @@ def rotate(rotation: Rotation, vector: Vector) -> Vector:
 
 
 def rotate_inverse(rotation: Rotation, vector: Vector) -> Vector:
-    """R(q)^T v: a vector of the parent in the axes of the rotated frame."""
+    """Rotate back: R(q)^T v expresses a vector of the parent in the axes of the rotated frame."""
     x, y, z, w = rotation
     return rotate((-x, -y, -z, w), vector)
 
 
 def rotated_axes(rotation: Rotation) -> tuple[Vector, Vector, Vector]:
-    """The x, y and z axis of the rotated frame in its parent, which are the columns of the rotation matrix R(q)."""
+    """Return the x, y and z axes of the rotated frame in its parent: the columns of the rotation matrix R(q)."""
     return rotate(rotation, (1.0, 0.0, 0.0)), rotate(rotation, (0.0, 1.0, 0.0)), rotate(rotation, (0.0, 0.0, 1.0))
 
 
 def quaternion_conjugate(rotation: Rotation) -> Rotation:
-    """The inverse rotation."""
+    """Return the inverse rotation."""
     x, y, z, w = rotation
     return -x, -y, -z, w
 
 
 def quaternion_multiply(p: Rotation, q: Rotation | tuple[Any, Any, Any, Any]) -> Rotation:
-    """The rotation q, then p, each about the axes of the parent (Hamilton's product); q may consist of arrays."""
+    """Return the rotation q, then p, about the parent's axes (Hamilton product); q may consist of arrays."""
     (a, b, c, w), (x, y, z, v) = p, q
     return (
         w * x + a * v + b * z - c * y,
@@ -135,7 +136,7 @@ def quaternion_multiply(p: Rotation, q: Rotation | tuple[Any, Any, Any, Any]) ->
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Rotation:
-    """The rotation by roll, then pitch, then yaw [rad] about fixed axes, as in a URDF: q = q_z q_y q_x."""
+    """Return the rotation by roll, then pitch, then yaw [rad] about fixed axes, as in a URDF: q = q_z q_y q_x."""
     cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
     return (
         sr * cp * cy - cr * sp * sy,
@@ -146,7 +147,7 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Rotation:
 
 
 def rpy_from_quaternion(rotation: Rotation) -> Vector:
-    """Roll, pitch and yaw about fixed axes [rad], as in a URDF; at a pitch of 90 degrees roll is 0."""
+    """Return roll, pitch and yaw about fixed axes [rad], as in a URDF; at a pitch of 90 degrees, roll is 0."""
     x, y, z, w = rotation
     sine = 2 * (w * y - z * x)
     if abs(sine) >= 1 - 1e-12:

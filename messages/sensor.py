@@ -12,9 +12,9 @@ Seconds = Annotated[float, Meta(ge=0, le=1e6, extra={"unit": "s"})]
 
 
 class JointState(Message, frozen=True, kw_only=True):
-    """Position [rad or m], velocity [rad/s or m/s] and effort [N m or N] of the named joints; a part may be empty.
+    """Position [rad or m], velocity [rad/s or m/s] and effort [N m or N] of the named joints; each list may be empty.
 
-    An effort that is not measured is NaN, as ROS drivers send it.
+    An unmeasured effort is NaN, as ROS drivers publish it.
     """
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/JointState"
@@ -31,7 +31,7 @@ class JointState(Message, frozen=True, kw_only=True):
 
 
 class LaserScan(Message, frozen=True, kw_only=True):
-    """One turn of a laser; ``ranges`` [m], shape (n,), counter-clockwise from ``angle_min``; inf means no echo."""
+    """One scan of a laser; ``ranges`` [m], shape (n,), counter-clockwise from ``angle_min``; inf means no echo."""
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/LaserScan"
     header: Header = Header()
@@ -57,8 +57,8 @@ class LaserScan(Message, frozen=True, kw_only=True):
 class Range(Message, frozen=True, kw_only=True):
     """One reading of a sonar or infrared ranger along the x axis of the header's frame.
 
-    ``field_of_view`` [rad] is the whole angle of the cone, ``range`` [m] the nearest echo: inf without one, -inf when
-    it is nearer than ``min_range``, NaN for a reading that is none (REP 117).
+    ``field_of_view`` [rad] is the full angle of the cone, ``range`` [m] the nearest echo: inf without one, -inf if it
+    is nearer than ``min_range``, NaN for an invalid reading (REP 117).
     """
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/Range"
@@ -73,7 +73,7 @@ class Range(Message, frozen=True, kw_only=True):
 
 
 class ChannelFloat32(Message, frozen=True, kw_only=True):
-    """A value for every point of a cloud; ``name`` says what it is."""
+    """One value for each point of a cloud; ``name`` says what it is."""
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/ChannelFloat32"
     name: str = ""
@@ -84,7 +84,7 @@ class ChannelFloat32(Message, frozen=True, kw_only=True):
 
 
 class PointCloud(Message, frozen=True, kw_only=True):
-    """Points [m] in the header's frame, and what is known of each."""
+    """Points [m] in the header's frame, with additional channels of values per point."""
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/PointCloud"
     header: Header = Header()
@@ -114,7 +114,7 @@ class Imu(Message, frozen=True, kw_only=True):
 
 
 class Image(Message, frozen=True, kw_only=True):
-    """An uncompressed picture, ``height`` rows of ``step`` bytes."""
+    """An uncompressed image, ``height`` rows of ``step`` bytes."""
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/Image"
     header: Header = Header()

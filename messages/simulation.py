@@ -1,4 +1,4 @@
-"""elea_msgs of the simulation: models that come and go, their states and bases, and time."""
+"""elea_msgs of the simulation: spawning and moving models, their states and bases, and simulation time."""
 
 from typing import Annotated, ClassVar
 
@@ -13,8 +13,8 @@ from messages.parameters import Assignment
 class SimStatus(Message, frozen=True, kw_only=True):
     """The state of simulation time.
 
-    ``absent`` are the nodes of the fleet that were not ready when time began. In real time, ``lags`` counts how often
-    the simulation fell behind the wall clock and gave up catching up, and ``lag`` [s] is the wall time lost by that.
+    ``absent`` are the nodes of the fleet that were not ready when time started. In real time, ``lags`` counts how often
+    the simulation fell behind the wall clock and stopped catching up, and ``lag`` [s] is the wall time lost thereby.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SimStatus"
@@ -25,16 +25,16 @@ class SimStatus(Message, frozen=True, kw_only=True):
 
 
 class SpawnModel(Message, frozen=True, kw_only=True):
-    """Put a robot into the world as ``name``.
+    """Spawn a robot as ``name``.
 
-    ``model`` is one of ``models/``, or the path of a URDF in the folders of the fleet; or ``urdf`` is the URDF itself
-    (or an SDF), and ``model``, if there is any, its name for people. Its topics are in ``namespace``: the name when
-    empty, the root for ``/``. Its frames begin with ``frame_prefix``: the name and a slash when that is None, nothing
-    when it is empty.
+    ``model`` is one of ``models/``, or the path of a URDF in the folders of the fleet; alternatively ``urdf`` is the
+    text of a URDF or SDF, and ``model`` an optional display name. Its topics are in ``namespace``: by default in one
+    with its name, for ``/`` in the root. Its frames begin with ``frame_prefix``: by default its name and a slash; an
+    empty text adds no prefix.
 
-    ``pose`` is in ``reference_frame``: the world when that is empty, ``world`` or ``map``, else an entity (``model`` or
-    ``model::link``). ``joint_names`` start at ``joint_positions`` (rad or m), all others at 0. ``parameters`` are those
-    of its base or of its joints, as a fleet file has them.
+    ``pose`` is in ``reference_frame``: the world if it is empty, ``world`` or ``map``, else an entity (``model`` or
+    ``model::link``). ``joint_names`` start at ``joint_positions`` [rad or m], all other joints at 0. ``parameters`` are
+    those of its base or its joints, as in a fleet file.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SpawnModel"
@@ -51,10 +51,10 @@ class SpawnModel(Message, frozen=True, kw_only=True):
 
 
 class SetModelState(Message, frozen=True, kw_only=True):
-    """Move a model; joint angles keep their values.
+    """Move a model; its joint positions are kept.
 
-    Without a ``reference_frame`` the pose is in the world and the twist in the model's own axes, as in odometry;
-    with one (``world``, ``model`` or ``model::link``), both are in its axes, as in Gazebo.
+    Without a ``reference_frame``, the pose is in the world and the twist in the model's own axes, as in odometry; with
+    one (``world``, ``model`` or ``model::link``), both are in its axes, as in Gazebo.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetModelState"
@@ -65,7 +65,7 @@ class SetModelState(Message, frozen=True, kw_only=True):
 
 
 class SetOdometry(Message, frozen=True, kw_only=True):
-    """From now on, the wheel odometry of the robot ``name`` counts from here: ROS 2's ``set_odometry``."""
+    """Set the pose of the wheel odometry of the robot ``name``, as ROS 2's ``set_odometry``."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetOdometry"
     name: NameStr = ""
@@ -78,9 +78,9 @@ Multiplier = Annotated[float, Meta(ge=0.1, le=10)]
 
 
 class DriveSettings(Message, frozen=True, kw_only=True):
-    """The live parameters of the base of the robot ``name``; asked, None leaves one as it is.
+    """The live parameters of the base of the robot ``name``; in a request, None keeps the current value.
 
-    They are replaced together between two physics steps, or, when one is out of bounds, not at all.
+    All are applied together between two physics steps, or, if one is out of bounds, none.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/DriveSettings"
@@ -93,9 +93,9 @@ class DriveSettings(Message, frozen=True, kw_only=True):
 
 
 class ReleaseStop(Message, frozen=True, kw_only=True):
-    """Release emergency stops of other holders: of the robot ``name``, or, if that is empty, the stop of all robots.
+    """Release emergency stops of other holders: of the robot ``name``, or, if it is empty, the stop of all robots.
 
-    ``holder`` is the node, or its ``id``, whose stop is released; when it is empty, that of every holder is.
+    ``holder`` is the node, or its ``id``, whose stop is released; if it is empty, the stops of all holders are.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ReleaseStop"
@@ -127,10 +127,10 @@ class SimTime(Message, frozen=True, kw_only=True):
 
 
 class GetModelState(Message, frozen=True, kw_only=True):
-    """Pose and twist of the model ``name``.
+    """Get the pose and twist of the model ``name``.
 
-    Without a ``relative_entity`` the pose is in the world and the twist in the model's own axes; with one (``world``,
-    ``model`` or ``model::link``), both are as seen from it, in its axes, as in Gazebo: the twist is the difference.
+    Without a ``relative_entity``, the pose is in the world and the twist in the model's own axes; with one (``world``,
+    ``model`` or ``model::link``), both are relative to it, in its axes, as in Gazebo: the twist is the difference.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/GetModelState"

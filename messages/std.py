@@ -21,7 +21,7 @@ class Time(Message, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, nanoseconds: int) -> Self:
-        """The point ``nanoseconds`` after the start of the simulation."""
+        """Return the time ``nanoseconds`` after the start of the simulation."""
         return cls(sec=nanoseconds // SECOND, nanosec=nanoseconds % SECOND)
 
     @property
@@ -31,7 +31,7 @@ class Time(Message, frozen=True, kw_only=True):
 
 
 class Duration(Message, frozen=True, kw_only=True):
-    """A span of simulation time; a negative one has a negative ``sec`` and counts ``nanosec`` up from it."""
+    """A span of simulation time; if negative, ``sec`` is negative and ``nanosec`` counts up from it."""
 
     ROS_TYPE: ClassVar[str] = "builtin_interfaces/Duration"
     sec: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1, extra={"unit": "s"})] = 0
@@ -39,12 +39,12 @@ class Duration(Message, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, nanoseconds: int) -> Self:
-        """The span of ``nanoseconds``."""
+        """Return the span of ``nanoseconds``."""
         return cls(sec=nanoseconds // SECOND, nanosec=nanoseconds % SECOND)
 
     @property
     def ns(self) -> int:
-        """Its length in nanoseconds."""
+        """The length in nanoseconds."""
         return self.sec * SECOND + self.nanosec
 
 
@@ -57,9 +57,9 @@ class Header(Message, frozen=True, kw_only=True):
 
 
 def stamp_of(message: object) -> int | None:
-    """The simulation time [ns] that a message states: in its header, that of its first transform, or as a clock.
+    """Return the simulation time [ns] of a message: from its header, its first transform's header, or its clock.
 
-    A header that was given no stamp states 0. None for a message without any of these.
+    A header without a stamp yields 0; None for a message without any of these.
     """
     transforms = getattr(message, "transforms", ())
     header = getattr(transforms[0] if transforms else message, "header", None)
@@ -70,28 +70,28 @@ def stamp_of(message: object) -> int | None:
 
 
 class String(Message, frozen=True, kw_only=True):
-    """One text."""
+    """A text."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/String"
     data: str = ""
 
 
 class Bool(Message, frozen=True, kw_only=True):
-    """One truth value."""
+    """A boolean."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/Bool"
     data: bool = False
 
 
 class Float32(Message, frozen=True, kw_only=True):
-    """One number; travels as a double, is exported as a float."""
+    """A number; encoded as a double on the bus, exported as a float."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/Float32"
     data: Annotated[float, Meta(ge=-3.4028235e38, le=3.4028235e38)] = 0.0
 
 
 class Float64(Message, frozen=True, kw_only=True):
-    """One number."""
+    """A number."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/Float64"
     data: Annotated[float, Meta(ge=-LARGEST, le=LARGEST)] = 0.0
@@ -108,7 +108,7 @@ class ColorRGBA(Message, frozen=True, kw_only=True):
 
 
 class MultiArrayDimension(Message, frozen=True, kw_only=True):
-    """One dimension of a multi-array: its label, its extent, and how many values one of its steps skips."""
+    """One dimension of a multi-array: its label, its size, and the number of values per step along it."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/MultiArrayDimension"
     label: NameStr = ""
@@ -117,7 +117,7 @@ class MultiArrayDimension(Message, frozen=True, kw_only=True):
 
 
 class MultiArrayLayout(Message, frozen=True, kw_only=True):
-    """The dimensions of a multi-array, the outermost first; senders of plain lists leave it empty."""
+    """The dimensions of a multi-array, outermost first; publishers of plain lists leave it empty."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/MultiArrayLayout"
     dim: tuple[MultiArrayDimension, ...] = ()
@@ -125,7 +125,7 @@ class MultiArrayLayout(Message, frozen=True, kw_only=True):
 
 
 class Float64MultiArray(Message, frozen=True, kw_only=True):
-    """A list of numbers; controllers of several joints take one for each joint, in the order of their joints."""
+    """A list of numbers; group controllers expect one per joint, in the order of their joints."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/Float64MultiArray"
     layout: MultiArrayLayout = MultiArrayLayout()
@@ -133,6 +133,6 @@ class Float64MultiArray(Message, frozen=True, kw_only=True):
 
 
 class Empty(Message, frozen=True, kw_only=True):
-    """Nothing; the request of services that need no argument."""
+    """An empty message; the request of services without arguments."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/Empty"

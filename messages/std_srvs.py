@@ -1,4 +1,4 @@
-"""std_srvs: requests without arguments of their own."""
+"""std_srvs: requests without arguments."""
 
 from typing import ClassVar
 
@@ -6,12 +6,12 @@ from messages.base import Message
 
 
 class Empty(Message, frozen=True, kw_only=True):
-    """A request that needs no argument."""
+    """A request without arguments."""
 
     ROS_TYPE: ClassVar[str] = "std_srvs/Empty"
 
 
 class EmptyResponse(Message, frozen=True, kw_only=True):
-    """A reply without content: the request was carried out."""
+    """An empty reply: the request was carried out."""
 
     ROS_TYPE: ClassVar[str] = "std_srvs/EmptyResponse"

@@ -1,4 +1,4 @@
-"""Templates of records that are encoded repeatedly with other numbers: the constant parts are encoded once."""
+"""Templates of records that are encoded repeatedly with different numbers: the constant parts are encoded once."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from messages.std import Time
 M = TypeVar("M", bound=Message)
 
 _STAMP = Time(sec=1_234_567_891, nanosec=987_654_321)
-"""Stands where a record has its stamp."""
+"""Placeholder of a record's stamp."""
 _FIRST = 0x7FE1_2D5A_93C6_0001
-"""The bits of the number that stands in the first place; the next places have the next ones. They are about 4e307,
-more than any number on the wire."""
+"""The bits of the first placeholder number; those of the others follow. They are doubles of about 4e307, beyond any
+number on the wire."""
 _MARK = re.compile(re.escape(_FIRST.to_bytes(8, "big")[:5]) + b"...", re.DOTALL)
 
 
 class Template(Generic[M]):
-    """The MessagePack bytes of a record whose stamp and numbers change, and whose names and fixed values do not.
+    """The MessagePack bytes of a record in which only the stamp and numbers change.
 
-    ``make`` gives the record for a stamp and ``count`` numbers, each of which stands in one place of it. What
-    ``encode`` returns is what ``messages.base.encode`` makes of that record, in a third of the time. A record that
-    is not ``stamped`` is encoded with an empty stamp.
+    ``make`` returns the record for a stamp and ``count`` numbers, each of which occurs once in it. ``encode`` returns
+    the same bytes as ``messages.base.encode`` for that record, in a third of the time. A record that is not ``stamped``
+    is encoded with an empty stamp.
     """
 
     def __init__(self, make: Callable[[Time, Sequence[float]], M], count: int, stamped: bool = True) -> None:
@@ -42,7 +42,7 @@ class Template(Generic[M]):
         if sorted(found) != list(range(count)) or any(len(places) > 1 for places in found.values()):
             raise ValueError(f"a number of {self.record.__name__} has to stand in one place, after the stamp")
         self.rest, self.places = rest, [found[number][0] for number in range(count)]
-        """The bytes after the stamp, and where in them each number is."""
+        """The bytes after the stamp, and the offset of each number in them."""
         places = self.places
         self._order = None if places == sorted(places) else sorted(range(count), key=places.__getitem__)
         parts, end = list[bytes](), 0
@@ -55,11 +55,11 @@ class Template(Generic[M]):
         self._fields[::2] = parts
 
     def encode(self, stamp: bytes, numbers: Sequence[float]) -> bytes:
-        """The record as bytes; ``stamp`` is that of ``encode_stamp``."""
+        """Return the encoded record; ``stamp`` is the result of ``encode_stamp``."""
         self._fields[1::2] = numbers if self._order is None else [numbers[place] for place in self._order]
         return self.head + stamp + self._pack(*self._fields)
 
 
 def encode_stamp(nanoseconds: int) -> bytes:
-    """A stamp [ns] as bytes, for any number of templates."""
+    """Encode a stamp [ns], for any number of templates."""
     return encode(Time.of(nanoseconds))

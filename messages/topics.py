@@ -1,4 +1,4 @@
-"""The topics: name, record, promised rate and quality of service, and the table of all of them."""
+"""The topics: name, record, promised rate and quality of service, and the table of all topics."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -48,7 +48,7 @@ class Quality(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Topic(Generic[M_co]):
-    """A named stream of one record; ``rate`` is the promised rate [Hz] of simulation time, 0 for "when it happens".
+    """A named stream of one record type; ``rate`` is the promised rate [Hz] in simulation time, 0 if event-driven.
 
     A name without a leading slash is resolved in the namespace of the node, as in ROS.
     """
@@ -59,25 +59,26 @@ class Topic(Generic[M_co]):
     quality: Quality
     about: str
     largest: int = 1 << 16
-    """Maximum bytes; a larger payload is refused unread. A subscriber's ring holds 64 MiB at most, so this shortens it.
+    """Maximum size [bytes]; larger payloads are refused without decoding. A subscriber's queue holds at most 64 MiB, so
+    this limits its length.
 
-    Messages about a whole fleet have room for a thousand robots, those of static frames and links for 500 models with
-    twenty links, a plan for 20,000 goals.
+    The limits allow a thousand robots for messages about a whole fleet, 500 models with twenty links for those of
+    static frames and links, 20,000 goals for a plan.
     """
     only: str = ""
-    """The node that alone may publish it, where there is one: samples of others are refused."""
+    """The only node that may publish it, if restricted: samples of others are refused."""
     unit: str = ""
-    """The unit of a topic that carries one bare number."""
+    """The unit of a topic whose message is a single number."""
 
     def of(self, namespace: str) -> Self:
-        """The same topic in another namespace: ``ODOM.of("tb3_0")`` is ``/tb3_0/odom``, and that of a node's ``~name``
-        is ``/node/name``; raises BadName for a topic whose name is absolute."""
+        """Return the topic in a namespace: ``ODOM.of("tb3_0")`` is ``/tb3_0/odom``, and a node's ``~name`` becomes
+        ``/node/name``; raises BadName for an absolute topic name."""
         if self.name.startswith("/"):
             raise BadName(f"{self.name} is the same topic in every namespace")
         return self.named(f"/{namespace.strip('/')}/{self.name.removeprefix('~')}".replace("//", "/"))
 
     def named(self, name: str) -> Self:
-        """The same topic under another name."""
+        """Return the topic under another name."""
         return replace(self, name=name)
 
 
@@ -294,20 +295,20 @@ TOPICS: tuple[Topic[Message], ...] = (
     INTERFACES,
     FLEET_STATE,
 )
-"""Every topic of this project but those of turtles."""
+"""Every topic of this project except those of turtles."""
 
 
 TURTLE_TOPICS: tuple[Topic[Message], ...] = (TURTLE_POSE, COLOR_SENSOR)
-"""Those of turtles: elsewhere, such names mean something else."""
+"""The topics of turtles: elsewhere, such names mean something else."""
 
 LARGEST_FOREIGN = 1 << 20
-"""Bytes of a message on a topic that is not of this project."""
+"""Maximum size [bytes] of a message on a topic that is not in the table."""
 
 
 def largest_of(name: str, ros_type: str) -> int:
-    """Bytes that a message of a type may have on the topic of this absolute name.
+    """Return the maximum size [bytes] of a message of a type on the topic with this absolute name.
 
-    On a topic of the table what that says; on any other one LARGEST_FOREIGN, or what a type needs in any namespace.
+    For a topic of the table, its own limit; for others LARGEST_FOREIGN, or more if the type needs it in any namespace.
     """
     typed = [each for each in TOPICS if ros_type == each.record.ROS_TYPE]
     placed = [each for each in typed if each.name.startswith("/")]

@@ -1,4 +1,4 @@
-"""trajectory_msgs: positions of joints over time."""
+"""trajectory_msgs: joint positions over time."""
 
 from typing import ClassVar
 
@@ -8,7 +8,7 @@ from messages.std import Duration, Header
 
 class JointTrajectoryPoint(Message, frozen=True, kw_only=True):
     """Positions [rad or m], velocities [rad/s or m/s], accelerations [rad/s2 or m/s2] and effort [N m or N] of joints,
-    in the order of the trajectory's ``joint_names``; what is not stated is empty. ``time_from_start`` counts from the
+    in the order of the trajectory's ``joint_names``; unspecified lists are empty. ``time_from_start`` counts from the
     trajectory's stamp."""
 
     ROS_TYPE: ClassVar[str] = "trajectory_msgs/JointTrajectoryPoint"
@@ -20,7 +20,7 @@ class JointTrajectoryPoint(Message, frozen=True, kw_only=True):
 
 
 class JointTrajectory(Message, frozen=True, kw_only=True):
-    """Points for joints to pass through. ``header.stamp`` is when it begins; 0 means at once."""
+    """Points for joints to pass through. ``header.stamp`` is the start time; 0 means at once."""
 
     ROS_TYPE: ClassVar[str] = "trajectory_msgs/JointTrajectory"
     header: Header = Header()

@@ -1,4 +1,4 @@
-"""turtlesim: the pose of a turtle, the colour below it, and the requests of its simulation."""
+"""turtlesim: the pose of a turtle, the colour below it, and the services of its simulation."""
 
 from typing import Annotated, ClassVar
 
@@ -12,9 +12,9 @@ Byte = Annotated[int, Meta(ge=0, le=255)]
 
 
 class Pose(Message, frozen=True, kw_only=True):
-    """Where a turtle is [m] on its plane, from the lower left corner, and its velocity [m/s, rad/s].
+    """Position [m] of a turtle on its plane, from the lower left corner, and its velocity [m/s, rad/s].
 
-    ``theta`` is in [-pi, pi], counted from the x axis to the left.
+    ``theta`` is in [-pi, pi], counter-clockwise from the x axis.
     """
 
     ROS_TYPE: ClassVar[str] = "turtlesim/Pose"
@@ -35,7 +35,7 @@ class Color(Message, frozen=True, kw_only=True):
 
 
 class Spawn(Message, frozen=True, kw_only=True):
-    """Another turtle at a place [m, m, rad]; without a name it gets the next free one."""
+    """Add a turtle at a pose [m, m, rad]; without a name, it gets the next free one."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/Spawn"
     x: Finite = 0.0
@@ -52,20 +52,20 @@ class SpawnResponse(Message, frozen=True, kw_only=True):
 
 
 class Kill(Message, frozen=True, kw_only=True):
-    """The turtle to remove."""
+    """Remove a turtle."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/Kill"
     name: NameStr = ""
 
 
 class KillResponse(Message, frozen=True, kw_only=True):
-    """It is removed."""
+    """The turtle was removed."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/KillResponse"
 
 
 class SetPen(Message, frozen=True, kw_only=True):
-    """Colour and width [pixels] of a turtle's pen; 0 keeps the width. ``off`` other than 0 lifts the pen."""
+    """Set colour and width [pixels] of a turtle's pen; 0 keeps the width. A nonzero ``off`` lifts the pen."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/SetPen"
     r: Byte = 0
@@ -76,13 +76,13 @@ class SetPen(Message, frozen=True, kw_only=True):
 
 
 class SetPenResponse(Message, frozen=True, kw_only=True):
-    """The pen is set."""
+    """The pen was set."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/SetPenResponse"
 
 
 class TeleportAbsolute(Message, frozen=True, kw_only=True):
-    """Where to put a turtle [m, m, rad]."""
+    """Move a turtle to a pose [m, m, rad]."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/TeleportAbsolute"
     x: Finite = 0.0
@@ -91,13 +91,13 @@ class TeleportAbsolute(Message, frozen=True, kw_only=True):
 
 
 class TeleportAbsoluteResponse(Message, frozen=True, kw_only=True):
-    """It is put there."""
+    """The turtle was moved."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/TeleportAbsoluteResponse"
 
 
 class TeleportRelative(Message, frozen=True, kw_only=True):
-    """By how much to turn a turtle [rad], and then to move it ahead [m]."""
+    """Turn a turtle [rad], then move it ahead [m]."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/TeleportRelative"
     linear: Finite = 0.0
@@ -105,34 +105,34 @@ class TeleportRelative(Message, frozen=True, kw_only=True):
 
 
 class TeleportRelativeResponse(Message, frozen=True, kw_only=True):
-    """It is moved."""
+    """The turtle was moved."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/TeleportRelativeResponse"
 
 
 class RotateAbsoluteGoal(Message, frozen=True, kw_only=True):
-    """The heading to turn to [rad]."""
+    """The target heading [rad]."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/RotateAbsoluteGoal"
     theta: Finite = 0.0
 
 
 class RotateAbsoluteResult(Message, frozen=True, kw_only=True):
-    """By how much the turtle was turned [rad], from where it is to where it was."""
+    """The angle from the turtle's final heading to its initial one [rad]."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/RotateAbsoluteResult"
     delta: Finite = 0.0
 
 
 class RotateAbsoluteFeedback(Message, frozen=True, kw_only=True):
-    """The angle that remains [rad]."""
+    """The remaining angle [rad]."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/RotateAbsoluteFeedback"
     remaining: Finite = 0.0
 
 
 class RotateAbsoluteActionGoal(Message, frozen=True, kw_only=True):
-    """A goal, as it is sent to the action's topic."""
+    """A goal, as published on the action's topic."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/RotateAbsoluteActionGoal"
     header: Header = Header()
@@ -141,7 +141,7 @@ class RotateAbsoluteActionGoal(Message, frozen=True, kw_only=True):
 
 
 class RotateAbsoluteActionResult(Message, frozen=True, kw_only=True):
-    """How a goal ended."""
+    """The outcome of a goal."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/RotateAbsoluteActionResult"
     header: Header = Header()
@@ -150,7 +150,7 @@ class RotateAbsoluteActionResult(Message, frozen=True, kw_only=True):
 
 
 class RotateAbsoluteActionFeedback(Message, frozen=True, kw_only=True):
-    """How far the active goal is."""
+    """Progress of the active goal."""
 
     ROS_TYPE: ClassVar[str] = "turtlesim/RotateAbsoluteActionFeedback"
     header: Header = Header()

@@ -12,13 +12,13 @@ Int32 = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
 
 
 class Marker(Message, frozen=True, kw_only=True):
-    """A shape to draw at ``pose`` in the header's frame; namespace ``ns`` and ``id`` tell it from others.
+    """A shape to draw at ``pose`` in the header's frame, identified by namespace ``ns`` and ``id``.
 
     ``scale`` [m] is the full extent of a CUBE, SPHERE or CYLINDER (along z) about its centre, and multiplies the
-    ``points`` [m] of a TRIANGLE_LIST, three to a triangle, and the file ``mesh_resource`` (a URL) of a MESH_RESOURCE.
+    ``points`` [m] of a TRIANGLE_LIST, three per triangle, and the mesh in ``mesh_resource`` (a URL) of a MESH_RESOURCE.
     ``points`` are also those of lines, which are ``scale.x`` wide, and of lists of shapes of one size; two of them are
-    the ends of an ARROW. ``text`` names what is drawn. After its ``lifetime`` it is drawn no more, unless that is 0.
-    What ROS has beside these fields (textures, ``frame_locked``) is left at its default.
+    the ends of an ARROW. ``text`` names the shape. It is removed after its ``lifetime``, unless that is 0. ROS's other
+    fields (textures, ``frame_locked``) keep their defaults.
     """
 
     ROS_TYPE: ClassVar[str] = "visualization_msgs/Marker"

@@ -1,4 +1,4 @@
-"""The robots and worlds as data: where each file lies, and which there are."""
+"""The robots and worlds of this project: their names and the paths of their files."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from models.robot_cache import display_name as display_name
 from models.robot_cache import is_made
 
 WHEELED = ("burger", "waffle", "waffle_pi", "p3dx")
-"""The robots that drive on two wheels."""
+"""The robots with a differential drive."""
 
 ARMS = ("arm", "arm_corrected")
-"""The robots without wheels, whose joints obey efforts."""
+"""The robots without wheels, whose joints are commanded by effort."""
 
 MODELS = (*WHEELED, *ARMS)
 """Every robot of this folder; each has a ``robot.urdf``, a ``model.toml`` and a ``README.md``."""
@@ -24,41 +24,41 @@ _HERE = Path(__file__).resolve().parent
 
 
 class UnknownModel(BadInput):
-    """No model or world has this name; the text lists those that there are."""
+    """No model or world has this name; the text lists the known ones."""
 
 
 def urdf_path(model: str) -> Path:
-    """The URDF of a robot, here or from outside; raises UnknownModel with the nearest name and the list."""
+    """Return the URDF of a robot, built-in or imported; raises UnknownModel with the nearest name and the list."""
     return _model_folder(model) / "robot.urdf"
 
 
 def physics_urdf_path(model: str) -> Path:
-    """The URDF as the physics engine takes it; raises UnknownModel."""
+    """Return the URDF for the physics engine; raises UnknownModel."""
     return _model_folder(model) / ("physics.urdf" if is_made(model) else "robot.urdf")
 
 
 def viewer_urdf_path(model: str) -> Path:
-    """The URDF as the viewer takes it; raises UnknownModel."""
+    """Return the URDF for the viewer; raises UnknownModel."""
     return _model_folder(model) / ("viewer.urdf" if is_made(model) else "robot.urdf")
 
 
 def model_config_path(model: str) -> Path:
-    """The figures of a robot's driver and sensors, see ``models.model``; one from outside may have none. Raises
-    UnknownModel."""
+    """Return the configuration of a robot's drive and sensors, see ``models.model``; an imported robot may have none.
+    Raises UnknownModel."""
     return _model_folder(model) / "model.toml"
 
 
 WORLD_ENDINGS = (".toml", ".sdf", ".world", ".yaml", ".yml")
-"""What the name of a world's file ends with."""
+"""File extensions of worlds."""
 
 
 def is_world_file(name: str) -> bool:
-    """Whether a world is given by the path of its file, and not as one of WORLDS."""
+    """Whether a world is given by the path of its file rather than as one of WORLDS."""
     return "/" in name or name.endswith(WORLD_ENDINGS)
 
 
 def world_path(name: str) -> Path:
-    """The file of a world of this folder, see ``models.world``; raises UnknownModel."""
+    """Return the file of a built-in world, see ``models.world``; raises UnknownModel."""
     try:
         return _HERE / "worlds" / f"{_checked_name('world', name, WORLDS)}.toml"
     except UnknownModel as error:

@@ -1,4 +1,4 @@
-"""Angles in files, in rad, and the error for one that was probably written in degrees."""
+"""Angles in files [rad], and the error for one that was probably written in degrees."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from msgspec import Meta
 from models.toml_source import TomlKey
 
 MAX_ANGLE = 6.3
-"""rad: a whole turn, also where it is rounded up. Beyond it, 90 and 180 are degrees and no headings."""
+"""Maximum angle [rad]: a full turn, also if rounded up. Beyond it, values such as 90 and 180 are degrees."""
 Angle = Annotated[float, Meta(ge=-MAX_ANGLE, le=MAX_ANGLE, extra={"unit": "rad"})]
 _KEYS = {"yaw", "rpy"}
 
 
 def angle_fault(value: object, path: Sequence[TomlKey] = ("yaw",)) -> str:
-    """What is wrong with the angle at ``path`` of a file; empty if nothing is, or if it is not an angle."""
+    """Explain what is wrong with the angle at ``path`` of a file; empty if nothing is, or if it is not an angle."""
     if not isinstance(value, int | float) or not math.isfinite(value) or abs(value) <= MAX_ANGLE:
         return ""
     if not _KEYS.intersection(path[-2:]):

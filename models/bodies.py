@@ -1,4 +1,4 @@
-"""The bodies of a world and the ground they are on, as records; ``models.world`` reads them."""
+"""Records of the bodies of a world and of its ground; ``models.world`` reads them."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 LEAST_EXTENT = 1e-4
-"""m; thinner shapes leave the numbers that the engine computes with."""
+"""Minimum extent [m]; thinner shapes exceed the engine's numerical precision."""
 LEAST_MASS = 1e-6
-"""kg."""
+"""Minimum mass [kg]."""
 Extent = Annotated[float, Meta(ge=LEAST_EXTENT, le=1e4, extra={"unit": "m"})]
 Shade = Annotated[float, Meta(ge=0, le=1)]
 Colour = tuple[float, float, float, float]
@@ -35,20 +35,20 @@ Colour = tuple[float, float, float, float]
 
 GREY: Colour = (0.6, 0.6, 0.6, 1.0)
 GROUND_NAME = "ground"
-"""The name that the ground has, and no body."""
+"""Name reserved for the ground."""
 MAX_PARTS = 5000
-"""Shapes of a world: with as many boxes, PyBullet takes 0.7 ms for a step and 0.4 s to load them."""
+"""Maximum number of shapes in a world: with as many boxes, PyBullet takes 0.7 ms per step and 0.4 s to load them."""
 MAX_MOVABLE = 300
-"""Movable and moving bodies of a world."""
+"""Maximum number of movable and moving bodies in a world."""
 
 
 class BadWorld(BadInput):
-    """A world's file, or one that it names, cannot be read; the text says where and why."""
+    """A world's file, or one that it refers to, cannot be read; the text says where and why."""
 
 
 @dataclass(frozen=True)
 class BoxShape:
-    """A box of the full ``size`` [m] about its centre."""
+    """A box of full ``size`` [m] about its centre."""
 
     size: Vector
 
@@ -70,17 +70,16 @@ class SphereShape:
 
 @dataclass(frozen=True)
 class RampShape:
-    """A wedge that rises along x from nothing to the full height of ``size`` [m]; its origin is in the middle of the
-    box around it."""
+    """A wedge that rises along x from 0 to the height of ``size`` [m]; its origin is its bounding box's centre."""
 
     size: Vector
 
 
 @dataclass(frozen=True, eq=False)
 class MeshShape:
-    """A triangle mesh, scaled already; ``file`` and ``scale`` are where it is from, None for one made here.
+    """A triangle mesh, already scaled; ``file`` and ``scale`` are its source, None for a generated one.
 
-    A fixed one collides as it is, a movable or moving one, or a ``convex`` one, as its convex hull.
+    A fixed one collides as it is; a movable, moving or ``convex`` one as its convex hull.
     """
 
     mesh: Mesh
@@ -91,7 +90,7 @@ class MeshShape:
 
 @dataclass(frozen=True, eq=False)
 class HeightMapShape:
-    """Heights [m] over a grid, shape (rows along y, columns along x), that covers ``size`` [m] about its centre."""
+    """Heights [m] on a grid, shape (rows along y, columns along x), that covers ``size`` [m] about its centre."""
 
     heights: NDArray[np.float64]
     size: tuple[float, float]
@@ -102,8 +101,8 @@ Shape = BoxShape | CylinderShape | SphereShape | RampShape | MeshShape | HeightM
 
 @dataclass(frozen=True)
 class BodyPart:
-    """A shape at ``pose`` in the frame of its body. What is not ``solid`` is only shown, what is not ``visible`` is
-    only felt. On a ``ground`` wheels roll, and standing on it is not a collision."""
+    """A shape at ``pose`` in the frame of its body. If not ``solid``, it is only displayed; if not ``visible``, it only
+    collides. Wheels roll on ``ground``, and contact with it is not a collision."""
 
     shape: Shape
     pose: Pose3 = IDENTITY
@@ -118,10 +117,10 @@ Repeat = Literal["loop", "there_and_back", "once"]
 
 @dataclass(frozen=True)
 class BodyPath:
-    """Points [m] that a body's origin passes at ``speed`` [m/s] on straight lines, from the first one on.
+    """Points [m] that a body's origin visits in straight lines at ``speed`` [m/s], starting at the first.
 
-    It rests for ``pause`` [s] at each, and sets out ``start`` [s] after the simulation began. ``loop`` goes from the
-    last point to the first, ``there_and_back`` returns on its way, ``once`` stays at the end.
+    It rests for ``pause`` [s] at each, and starts ``start`` [s] after the simulation. ``loop`` continues from the last
+    point to the first, ``there_and_back`` returns the same way, ``once`` stays at the end.
     """
 
     points: tuple[Vector, ...]
@@ -131,7 +130,7 @@ class BodyPath:
     start: float = 0.0
 
     def position_at(self, seconds: float) -> Vector:
-        """Where the body is at a time [s] after the simulation began."""
+        """Return the position [m] of the body at a time [s] since the start of the simulation."""
         legs, period = self._legs
         elapsed = seconds - self.start - self.pause
         if elapsed <= 0 or not legs:
@@ -154,7 +153,7 @@ class BodyPath:
 
     @cached_property
     def _legs(self) -> tuple[list[tuple[float, Vector, Vector]], float]:
-        """The straight parts of one round, each with its duration [s], and the time of a round with its pauses."""
+        """The straight legs of a round, each with its duration [s], and the duration of a round with pauses [s]."""
         stops = list(self.points)
         if self.repeat == "loop":
             stops.append(stops[0])
@@ -169,11 +168,11 @@ Kind = Literal["fixed", "movable", "moving"]
 
 @dataclass(frozen=True)
 class WorldBody:
-    """Something in the world, its frame at ``pose`` at the start.
+    """A body of the world, with its frame at ``pose`` at the start.
 
-    It is fixed without a ``mass`` [kg], movable with one, and moving with a ``path``: then it pushes what is in its way
-    and nothing holds it up. ``friction`` is multiplied by that of what touches it. ``centre`` of mass and principal
-    ``moments`` [kg m2] about the frame's axes follow from the shapes unless stated.
+    It is fixed without a ``mass`` [kg], movable with one, and moving with a ``path``: it then pushes what is in its way
+    and is not stopped. ``friction`` is multiplied by that of the other body. The ``centre`` of mass and the principal
+    ``moments`` [kg m2] about the frame's axes are computed from the shapes unless stated.
     """
 
     name: str
@@ -187,7 +186,7 @@ class WorldBody:
 
     @property
     def kind(self) -> Kind:
-        """Whether it stays, can be pushed, or moves by itself."""
+        """Whether it is fixed, can be pushed, or follows a path."""
         if self.path is not None:
             return "moving"
         return "movable" if self.mass > 0 else "fixed"
@@ -195,7 +194,7 @@ class WorldBody:
 
 @dataclass(frozen=True)
 class Light:
-    """A light that shines along ``direction``; the camera's pictures have the first one of a world."""
+    """A light that shines along ``direction``; camera images use the first one of a world."""
 
     name: str = ""
     direction: Vector = (0.0, 0.0, -1.0)
@@ -203,7 +202,7 @@ class Light:
 
 
 class Box(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A fixed box in short: full ``size`` and centre ``position`` in m, turned by ``yaw`` [rad]."""
+    """Short form of a fixed box: full ``size`` and centre ``position`` [m], rotated by ``yaw`` [rad]."""
 
     name: str
     size: tuple[Extent, Extent, Extent]
@@ -212,13 +211,13 @@ class Box(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     colour: tuple[Shade, Shade, Shade, Shade] = GREY
 
     def body(self) -> WorldBody:
-        """The same as a body."""
+        """Return the box as a body."""
         pose = Pose3(self.position, Pose3.planar(0.0, 0.0, self.yaw).orientation)
         return WorldBody(self.name, (BodyPart(BoxShape(self.size), colour=self.colour),), pose)
 
 
 class Start(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where a robot starts in a world, clear of everything: m, m, rad."""
+    """A start pose for a robot, clear of everything: m, m, rad."""
 
     x: Coordinate = 0.0
     y: Coordinate = 0.0
@@ -227,11 +226,11 @@ class Start(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 @dataclass(frozen=True, kw_only=True)
 class WorldDescription:
-    """A level ground at z = 0, and what stands on it: ``boxes`` in short, and ``bodies`` of every kind.
+    """A level ground at z = 0 and the bodies on it: ``boxes`` in short form, ``bodies`` of every kind.
 
-    ``friction`` is the ground's coefficient; the one of a contact is its product with the wheel's. ``start`` is for the
-    robots of a fleet that asks for it, ``pose = "world"``. ``notes`` name what of the world's file was not understood,
-    and ignored; ``missing`` of them what was left out since its files are not on this machine.
+    ``friction`` is the ground's coefficient; that of a contact is its product with the wheel's. ``start`` is for robots
+    of a fleet with ``pose = "world"``. ``notes`` list what was not understood in the world's file and ignored;
+    ``missing``, a part of them, what was omitted because its files are not on this machine.
     """
 
     about: str = ""
@@ -245,5 +244,5 @@ class WorldDescription:
 
     @cached_property
     def all_bodies(self) -> tuple[WorldBody, ...]:
-        """Boxes and bodies, in this order."""
+        """Boxes as bodies, then bodies."""
         return (*(box.body() for box in self.boxes), *self.bodies)

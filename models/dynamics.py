@@ -1,4 +1,4 @@
-"""Closed-form predictions from a robot's figures: the pendulum that hangs on a joint, and the stop of a base."""
+"""Closed-form predictions from a robot's parameters: the pendulum on a joint, and the stopping distance of a base."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from messages.se3 import Vector, rotate, rotate_inverse
 from models.urdf import Inertia, Joint, read_robot
 
 GRAVITY = 9.81
-"""m/s2, downward, as in the simulation."""
+"""Gravity [m/s2], downward, as in the simulation."""
 
 
 class Pendulum(NamedTuple):
-    """At the angle q [rad] the holding torque is ``torque`` sin(q - ``rest``), N m and rad.
+    """A pendulum: at the angle q [rad], the holding torque [N m] is ``torque`` sin(q - ``rest``).
 
-    ``inertia`` [kg m2] is the one about the joint.
+    ``inertia`` [kg m2] is about the joint.
     """
 
     torque: float
@@ -24,9 +24,9 @@ class Pendulum(NamedTuple):
 
 
 def read_pendulum(name: str, joint: str) -> Pendulum:
-    """The pendulum on a joint of the upright robot ``name``, all joints beyond at zero.
+    """Return the pendulum on a joint of the upright robot ``name``, with all joints beyond it at zero.
 
-    Raises ``models.UnknownModel``, and KeyError when the robot has no such joint.
+    Raises ``models.UnknownModel``, and KeyError if the robot has no such joint.
     """
     robot = read_robot(name)
     joints = robot.joints
@@ -43,7 +43,7 @@ def read_pendulum(name: str, joint: str) -> Pendulum:
 
 
 def _moment_about(inertia: Inertia, axis: Vector) -> float:
-    """A link's own inertia [kg m2] about an axis of length 1 through its centre, in the link's frame."""
+    """Return a link's own inertia [kg m2] about a unit axis through its centre of mass, given in the link's frame."""
     x, y, z = rotate_inverse(inertia.centre.orientation, axis)
     xx, yy, zz, xy, xz, yz = inertia.tensor
     return xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z)
@@ -52,7 +52,7 @@ def _moment_about(inertia: Inertia, axis: Vector) -> float:
 def _subtree_masses(
     link: str, joints: tuple[Joint, ...], masses: dict[str, Inertia], axis: Vector
 ) -> list[tuple[float, Vector, float]]:
-    """Of ``link`` and all that hang on it: masses [kg], their places [m] in its frame, and their own inertia [kg m2]
+    """Return, for ``link`` and all links below it, masses [kg], centres of mass [m] in its frame, and inertias [kg m2]
     about ``axis``, a direction in its frame."""
     own = masses[link]
     found = [(own.mass, own.centre.position, _moment_about(own, axis))]
@@ -66,7 +66,7 @@ def _subtree_masses(
 
 
 def _to_joint_frame(joint: Joint, joints: tuple[Joint, ...], vector: Vector) -> Vector:
-    """A vector of the root frame in the frame of a joint."""
+    """Transform a vector from the root frame to the frame of a joint."""
     above = {each.child: each for each in joints}
     chain = [joint]
     while (upper := above.get(chain[-1].parent)) is not None:
@@ -81,23 +81,23 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 
 def _torque_about(axis: Vector, place: Vector, force: Vector) -> float:
-    """The torque of a force at a place about an axis."""
+    """Return the torque about an axis of a force at a point."""
     return sum(a * b for a, b in zip(axis, _cross(place, force), strict=True))
 
 
 class StopPrediction(NamedTuple):
-    """From the last command to the standstill: s and m."""
+    """Time [s] and distance [m] from the last command to standstill."""
 
     time: float
     distance: float
 
 
 def predict_stop(speed: float, timeout: float, brake: float) -> StopPrediction:
-    """The stop of a base whose commander falls silent, at ``speed`` [m/s] of either sign.
+    """Predict the stop of a base at ``speed`` [m/s], of either sign, when its commands cease.
 
-    It keeps its speed for ``timeout`` [s] after the last command, then brakes evenly at ``brake`` > 0 [m/s2]:
-    t = timeout + v / a, s = v timeout + v^2 / 2a. An emergency stop has no time-out: 0. The distance is that of the
-    path, never negative.
+    It keeps its speed for ``timeout`` [s] after the last command, then brakes at a constant ``brake`` > 0 [m/s2]: t =
+    timeout + v / a, s = v timeout + v^2 / 2a. For an emergency stop, the time-out is 0. The distance is along the path
+    and never negative.
     """
     if brake <= 0 or timeout < 0:
         raise ValueError(f"a stop needs a brake above 0 and a time-out of at least 0, got {brake} and {timeout}")

@@ -1,6 +1,6 @@
-"""Fits the URDF that the physics engine loads to how a robot drives: wheels, casters and friction.
+"""Adapts the URDF for the physics engine to how a robot drives: wheels, casters and friction.
 
-``models/README.md`` says what PyBullet needs to drive straight and why. Names, joints and frames stay as they are.
+``models/README.md`` explains what PyBullet needs to drive straight, and why. Names, joints and frames are unchanged.
 """
 
 from __future__ import annotations
@@ -20,25 +20,26 @@ from models.urdf_writer import link_poses
 from models.wheels import TOUCHES, Wheel, read_wheel, rolling_joints
 
 WHEEL_FRICTION = 1.0
-"""Of a driven wheel without a tag."""
+"""Friction of a driven wheel without a tag."""
 CASTER_WHEEL_FRICTION = 0.6
-"""Of a wheel without a motor and without a tag."""
+"""Friction of a passive wheel without a tag."""
 SLIDER_FRICTION = 0.05
-"""Of what touches the ground and does not roll, as a ball or a skid, without a tag."""
+"""Friction of a part that slides on the ground without rolling, e.g. a ball or a skid, without a tag."""
 BODY_FRICTION = 0.5
-"""Of all else without a tag."""
+"""Friction of all other parts without a tag."""
 LIFTED = 0.005
-"""m; what stands on the ground beside the driven wheels and reaches lower than they by up to this is lifted to them:
-contacts are rigid here, and the wheels would hang in the air, where those of Gazebo give way."""
+"""Height [m] up to which parts that stand on the ground and reach lower than the driven wheels are raised to them:
+contacts are rigid here, so the wheels would hang in the air; Gazebo's contacts are soft."""
 HULL_MARGIN = 0.001
-"""m, that the engine's convex hulls of cylinders and meshes reach beyond their shapes."""
+"""Distance [m] by which the engine's convex hulls of cylinders and meshes exceed their shapes."""
 MAX_FRICTION = 1.5
-"""Rubber on concrete has less; tags say 100 and 1e5 for "does not slip", with which a robot that skids would hop."""
+"""Maximum friction. Rubber on concrete has less; tags use 100 and 1e5 for "does not slip", with which a skid-steered
+robot would hop."""
 
 
 @dataclass(frozen=True)
 class DrivenWheels:
-    """The driven wheels of a robot by their joints, their radius [m], and whether it is holonomic instead."""
+    """The joints of a robot's driven wheels, the wheels' radius [m], and whether the base is holonomic instead."""
 
     left: tuple[str, ...] = ()
     right: tuple[str, ...] = ()
@@ -47,22 +48,22 @@ class DrivenWheels:
 
     @classmethod
     def of(cls, model: RobotModel) -> DrivenWheels:
-        """Those of a model."""
+        """Return the driven wheels of a model."""
         if model.wheels is None:
             return cls(holonomic=model.planar is not None)
         return cls(model.wheels.left_joints, model.wheels.right_joints, model.wheels.radius)
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """All of them."""
+        """All driven joints."""
         return (*self.left, *self.right)
 
 
 @dataclass(frozen=True)
 class EngineFit:
-    """The text, how high the root stands when the robot touches the ground, m, where joints start that may not stand
-    at zero, rad or m, how the base skids, if it has several driven wheels on a side, and its wheels as the shapes have
-    them."""
+    """The URDF text; the height of the root when the robot stands on the ground [m]; the start positions of joints
+    whose range excludes zero [rad or m]; the skidding of a base with several driven wheels per side; and the wheels'
+    dimensions by their shapes."""
 
     text: str
     height: float
@@ -72,7 +73,7 @@ class EngineFit:
 
 
 def find_suspensions(robot: RobotDescription, driven: DrivenWheels) -> tuple[str, ...]:
-    """The slides between the root and driven wheels, in the order of the file."""
+    """Return the prismatic joints between the root and driven wheels, in the order of the file."""
     above = {each.child: each for each in robot.joints}
     slides: set[str] = set()
     for wheel in (each for each in robot.joints if each.name in driven.joints):
@@ -91,12 +92,12 @@ def fit_urdf(
     friction: Mapping[str, Friction],
     driven: DrivenWheels,
 ) -> EngineFit:
-    """The URDF ``text`` of the robot, for the engine, with its shapes and the friction of its tags."""
+    """Adapt the URDF ``text`` of the robot for the engine, with its shapes and the friction of its tags."""
     return _Fit(text, robot, shapes, friction, driven).result()
 
 
 class _Fit:
-    """The steps of it."""
+    """The steps of ``fit_urdf``."""
 
     def __init__(
         self,
@@ -112,7 +113,7 @@ class _Fit:
         self._links = {each.get("name", ""): each for each in self._xml.findall("link")}
         self._floor = lowest_point(placed_shapes(robot, shapes))
         self._bottoms: dict[str, float] = {}
-        """Of the spheres that wheels roll on, by link, in the root's frame."""
+        """Lowest point [m] in the root's frame of each sphere that a wheel rolls on, by link."""
         self._friction = dict.fromkeys(self._links, WHEEL_FRICTION)
 
     def result(self) -> EngineFit:
@@ -160,10 +161,10 @@ class _Fit:
         )
 
     def _roll_on_spheres(self) -> dict[str, bool]:
-        """Let wheels collide as spheres; the links of all, and whether they are driven."""
+        """Replace the collision shapes of wheels by spheres; return their links, and whether they are driven."""
         joints = {each.name: each for each in self._robot.joints}
         rolling: dict[str, bool] = {}
-        # One that does not exist is an error of its model.toml, which is told when that is read.
+        # A joint that does not exist is an error of model.toml, reported when that is read.
         for joint in [*(joints[each] for each in self._driven.joints if each in joints), *rolling_joints(self._robot)]:
             wheel = read_wheel(self._robot, self._shapes, joint)
             if wheel.link in rolling:
@@ -185,13 +186,13 @@ class _Fit:
         self._bottoms[wheel.link] = wheel.place[2] - radius
 
     def _add_guard(self, parent: str, wheel: Wheel, radius: float) -> None:
-        """The side of a wheel, which others can touch: the sphere meets the ground alone."""
+        """Add the sides of a wheel as a box for contact with other bodies: the sphere touches only the ground."""
         pose = self._poses[parent].inverse() @ Pose3(wheel.place)
         size = f"{1.8 * radius!r} {wheel.width!r} {1.2 * radius!r}"
         _collision(self._links[parent], pose, "box", size=size)
 
     def _lift_supports(self, rolling: Mapping[str, bool]) -> dict[str, float]:
-        """Lift what reaches a little lower than the driven wheels; by how much, m, of links with their own shapes."""
+        """Lift parts slightly lower than the driven wheels; return by how much [m], by link with own shapes."""
         driven = [self._bottoms[link] for link, has_motor in rolling.items() if has_motor]
         if not driven:
             return {}
@@ -208,7 +209,7 @@ class _Fit:
             if low > level + TOUCHES or low < level - LIFTED:
                 continue
             if len(own) == 1 and _lies(*own[0]):
-                # A caster without a joint: as a cylinder it would be a hull on two edges.
+                # A caster without a joint: a cylinder would collide as a hull, on two edges.
                 self._replace_by_sphere(link, own[0][0], own[0][0].size[0] - max(0.0, level - low))
                 self._bottoms[link] = max(low, level)
                 continue
@@ -227,7 +228,7 @@ class _Fit:
         _collision(self._links[link], Pose3(shape.pose.position), "sphere", radius=repr(radius))
 
     def _rigid(self) -> list[tuple[str, Shape, Pose3]]:
-        """What collides as its own shape, with its link."""
+        """Return the shapes that collide unchanged, with their links and link poses."""
         return [
             (link, shape, self._poses[link])
             for link, own in self._shapes.items()
@@ -254,12 +255,13 @@ class _Fit:
             contact = ElementTree.SubElement(link, "contact")
             ElementTree.SubElement(contact, "lateral_friction", value=repr(self._friction[name]))
             if not stands and own and all(each.kind == "sphere" for each in own):
-                # What is nothing but spheres rolls, and touches the ground alone; this one is to meet everything.
+                # A link with nothing but spheres rolls and touches only the ground; this one must collide with
+                # everything.
                 _collision(link, own[0].pose, "box", size=" ".join([repr(own[0].size[0] / 10)] * 3))
 
 
 def _lies(shape: Shape, frame: Pose3) -> bool:
-    """Whether a shape is a cylinder whose axis is level."""
+    """Whether a shape is a cylinder with a horizontal axis."""
     return shape.kind == "cylinder" and abs(rotate((frame @ shape.pose).orientation, (0.0, 0.0, 1.0))[2]) < 0.1
 
 

@@ -1,4 +1,4 @@
-"""How far the shapes of a robot reach."""
+"""Extents of a robot's shapes."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from models.urdf import RobotDescription, parse_urdf, parse_xml
 from models.urdf_writer import extents, link_poses
 
 DIRECTIONS = 72
-"""In which a robot is measured for the circle around it."""
+"""Number of directions in which the circle around a robot is measured."""
 
 PlacedShape = tuple[Shape, Pose3]
 """A shape, and the pose of its link in the root."""
 
 
 def support(shape: Shape, frame: Pose3, direction: Vector) -> float:
-    """How far the shape of a link at ``frame`` reaches along a unit vector from the origin, m."""
+    """Return the distance [m] that the shape of a link at ``frame`` extends along a unit vector from the origin."""
     local = np.array(rotate_inverse(frame.orientation, direction))
     start = sum(a * b for a, b in zip(frame.position, direction, strict=True))
     return start + float((shape.points @ local).max()) + shape.rounding
 
 
 def solid_shapes(shapes: Mapping[str, LinkShapes]) -> Mapping[str, LinkShapes]:
-    """The shapes with what the engine collides as: what one sees where nothing of the robot has a collision."""
+    """Return the shapes with the engine's collision shapes: the visuals if no link of the robot has a collision."""
     if any(each.collisions for each in shapes.values()):
         return shapes
     return {link: replace(each, collisions=each.visuals) for link, each in shapes.items()}
 
 
 def placed_shapes(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> list[PlacedShape]:
-    """All that a robot collides as."""
+    """Return all collision shapes of a robot with their link poses."""
     poses = link_poses(robot)
     return [(shape, poses[link]) for link, own in solid_shapes(shapes).items() for shape in own.collisions]
 
 
 def circle_radius(placed: Iterable[PlacedShape]) -> float:
-    """The radius of the circle about the root's z axis that holds these shapes, m; 0 without any."""
+    """Return the radius [m] of the circle about the root's z axis that encloses these shapes; 0 without any."""
     angles = [math.tau * each / DIRECTIONS for each in range(DIRECTIONS)]
     return max(
         (support(shape, pose, (math.cos(a), math.sin(a), 0.0)) for shape, pose in placed for a in angles), default=0.0
@@ -51,19 +51,19 @@ def circle_radius(placed: Iterable[PlacedShape]) -> float:
 
 
 def lowest_point(placed: Iterable[PlacedShape]) -> float:
-    """The height of the lowest point of these shapes in the root's frame, m; 0 without any."""
+    """Return the height [m] of the lowest point of these shapes in the root's frame; 0 without any."""
     return min((bottom(shape, pose) for shape, pose in placed), default=0.0)
 
 
 def bottom(shape: Shape, pose: Pose3) -> float:
-    """The height of the lowest point of a shape, m."""
+    """Return the height [m] of the lowest point of a shape."""
     return -support(shape, pose, (0.0, 0.0, -1.0))
 
 
 def vertical_extent(model: str) -> tuple[float, float]:
-    """The lowest and the highest point [m] of the robot ``model`` in its root's frame, all joints at zero.
+    """Return the lowest and highest point [m] of the robot ``model`` in its root's frame, with all joints at zero.
 
-    The second is infinite for a robot without shapes, and where a mesh cannot be read. Raises ``models.UnknownModel``.
+    The second is infinite for a robot without shapes, or if a mesh cannot be read. Raises ``models.UnknownModel``.
     """
     path = physics_urdf_path(model)
     text = path.read_text(encoding="utf-8")
@@ -76,6 +76,6 @@ def vertical_extent(model: str) -> tuple[float, float]:
 
 
 def box_inertia(mass: float, size: Vector) -> tuple[float, float, float]:
-    """The moments [kg m2] of a homogeneous box about its centre: m (b^2 + c^2) / 12."""
+    """Return the moments of inertia [kg m2] of a homogeneous box about its centre: m (b^2 + c^2) / 12."""
     x, y, z = (each * each for each in size)
     return mass * (y + z) / 12, mass * (x + z) / 12, mass * (x + y) / 12

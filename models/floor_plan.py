@@ -1,4 +1,4 @@
-"""Walls from the picture of a floor plan, and ``map.yaml`` as ROS's map_server and nav2 know it, read and written."""
+"""Walls from the image of a floor plan; reads and writes ``map.yaml`` of ROS's map_server and nav2."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from models.picture import read_picture
 from models.yaml_reader import YamlSource, read_yaml
 
 MAX_PIXELS = 4096 * 4096
-"""Of a floor plan."""
+"""Maximum number of pixels of a floor plan."""
 WALL_COLOUR: Colour = (0.72, 0.72, 0.70, 1.0)
 PLAN_NAME = "plan"
-"""The name of the body that all walls of a plan are."""
+"""Name of the body of all walls of a plan."""
 
 Resolution = Annotated[float, Meta(gt=0, le=1000, extra={"unit": "m"})]
 Angle = Annotated[float, Meta(ge=-100, le=100, extra={"unit": "rad"})]
@@ -46,8 +46,8 @@ Height = Annotated[float, Meta(gt=0, le=100, extra={"unit": "m"})]
 class PlanKeys(msgspec.Struct, frozen=True, kw_only=True):
     """The keys of a plan in a world's file.
 
-    ``plan`` is a picture, dark where there is a wall, or a ``map.yaml``, which states the other keys. ``origin`` is
-    where the lower left corner of the picture lies.
+    ``plan`` is an image, dark where there is a wall, or a ``map.yaml``, which defines the other keys. ``origin`` is the
+    pose of the image's lower left corner.
     """
 
     plan: str = ""
@@ -59,7 +59,7 @@ class PlanKeys(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FloorPlan(NamedTuple):
-    """A plan: ``walls``, shape (rows from the top, columns), [m] per pixel, and its lower left corner x, y, yaw."""
+    """A plan: ``walls``, shape (rows from the top, columns), m per pixel, and its lower left corner x, y, yaw."""
 
     walls: NDArray[np.bool_]
     resolution: float
@@ -68,11 +68,11 @@ class FloorPlan(NamedTuple):
 
 
 def read_plan(keys: PlanKeys, folder: Path) -> FloorPlan:
-    """The plan that a world's file names; raises BadInput.
+    """Read the plan of a world's file; raises BadInput.
 
     Args:
-        keys: What the file states.
-        folder: What the plan's path counts from.
+        keys: The keys in the file.
+        folder: The folder that the plan's path is relative to.
     """
     path = folder / keys.plan
     if path.suffix.lower() in (".yaml", ".yml"):
@@ -96,7 +96,7 @@ def read_plan(keys: PlanKeys, folder: Path) -> FloorPlan:
 
 
 def plan_body(plan: FloorPlan) -> WorldBody:
-    """The walls as one body of boxes; raises BadInput where they are too many."""
+    """Return the walls as one body of boxes; raises BadInput if there are too many."""
     rows, _ = plan.walls.shape
     x, y, yaw = plan.origin
     edge, parts = plan.resolution, []
@@ -110,7 +110,7 @@ def plan_body(plan: FloorPlan) -> WorldBody:
 
 
 def rectangles(filled: NDArray[np.bool_]) -> Iterator[tuple[int, int, int, int]]:
-    """Disjoint rectangles (top, left, bottom, right) that cover what is filled, each as large as it can be made from
+    """Yield disjoint rectangles (top, left, bottom, right) that cover all filled pixels, each as large as possible from
     its first pixel; raises BadInput for more than a world may have."""
     left_over = filled.copy()
     columns = left_over.shape[1]
@@ -139,7 +139,7 @@ def _area(corner: tuple[int, ...], top: int, left: int) -> int:
 
 
 def _wide_first(filled: NDArray[np.bool_], top: int, left: int) -> tuple[int, int]:
-    """The lower right corner of the rectangle from a pixel on, as wide as it can be and then as tall."""
+    """Return the lower right corner of the rectangle from a pixel on that is as wide as possible, then as tall."""
     row = filled[top, left:]
     length = int(row.argmin())
     right = left + (length if not row[length] else len(row))
@@ -150,7 +150,7 @@ def _wide_first(filled: NDArray[np.bool_], top: int, left: int) -> tuple[int, in
 
 
 class MapFile(msgspec.Struct, frozen=True, kw_only=True):
-    """What a ``map.yaml`` states; ``notes`` name the keys that are not understood."""
+    """The content of a ``map.yaml``; ``notes`` list unknown keys."""
 
     image: Path
     resolution: Resolution
@@ -167,7 +167,7 @@ _NEEDED = ("image", "resolution", "origin")
 
 
 def read_map(path: Path) -> MapFile:
-    """A ``map.yaml``; its image is found beside it. Raises BadInput with the line."""
+    """Read a ``map.yaml``, whose image path is relative to it. Raises BadInput with the line."""
     text = read_limited(path, _MAX_YAML, "a map").decode(errors="replace")
     tree, source = read_yaml(text, str(path)), YamlSource(path, text)
     if not isinstance(tree, dict):
@@ -196,7 +196,7 @@ def read_map(path: Path) -> MapFile:
 
 
 def read_map_yaml(path: Path) -> WorldDescription:
-    """The world of a ``map.yaml``: its occupied cells are walls of 1 m. Raises BadWorld."""
+    """Read the world of a ``map.yaml``: its occupied cells become walls 1 m high. Raises BadWorld."""
     try:
         stated = read_map(path)
         plan = FloorPlan(_walls(stated), stated.resolution, stated.origin, 1.0)
@@ -209,10 +209,10 @@ def read_map_yaml(path: Path) -> WorldDescription:
 
 
 def write_map(path: Path, occupied: NDArray[np.bool_], free: NDArray[np.bool_], resolution: float, origin: Any) -> None:
-    """Write a ``map.yaml`` and, beside it, its PGM; what is neither ``occupied`` nor ``free`` is unknown.
+    """Write a ``map.yaml`` and its PGM next to it; cells that are neither ``occupied`` nor ``free`` are unknown.
 
     Args:
-        path: The YAML file; the picture has its name with ``.pgm``.
+        path: The YAML file; the image has the same name with ``.pgm``.
         occupied: Cells, shape (rows from the top, columns).
         free: The same.
         resolution: m per cell.
@@ -230,8 +230,8 @@ def write_map(path: Path, occupied: NDArray[np.bool_], free: NDArray[np.bool_], 
 
 
 def read_occupancy(stated: MapFile) -> NDArray[np.int8]:
-    """The occupancy of a map's cells [%], -1 where it is unknown, shape (rows from the bottom, columns), as ROS's
-    map_server makes it; raises BadInput."""
+    """Return the occupancy of a map's cells [%], -1 if unknown, shape (rows from the bottom, columns), as in ROS's
+    map_server; raises BadInput."""
     picture = read_picture(stated.image, MOST_CELLS, "a map")
     occupancy = picture.lightness if stated.negate else 1.0 - picture.lightness
     occupied, free = occupancy > stated.occupied_thresh, occupancy < stated.free_thresh
@@ -250,10 +250,10 @@ def read_occupancy(stated: MapFile) -> NDArray[np.int8]:
 
 
 def _walls(stated: MapFile) -> NDArray[np.bool_]:
-    """Where a map is occupied: p > occupied_thresh, with p = 1 - lightness, or lightness where it is negated."""
+    """Return where a map is occupied: p > occupied_thresh, with p = 1 - lightness, or lightness if negated."""
     picture = read_picture(stated.image, MAX_PIXELS, "a floor plan")
     occupancy = picture.lightness if stated.negate else 1.0 - picture.lightness
-    if stated.mode == "raw":  # the values themselves are occupancies in percent, beyond 100 unknown
+    if stated.mode == "raw":  # pixel values are occupancies in percent, above 100 unknown
         occupancy = picture.lightness * 2.55
         occupancy[occupancy > 1.0 + 1e-9] = 0.0
     if not all(math.isfinite(each) for each in stated.origin):

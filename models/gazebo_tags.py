@@ -1,7 +1,7 @@
-"""What a URDF's ``<gazebo>`` tags say of drive, sensors, friction and topics, in the spellings that are in use.
+"""Parses a URDF's ``<gazebo>`` tags: drive, sensors, friction and topics, in all common spellings.
 
-The plugins of ROS 1 (``libgazebo_ros_…``, camelCase), of ROS 2 (the same libraries, snake_case, ``<ros>``), and the
-systems of gz-sim of the same purpose are read. Whatever else stands in a tag is named with its line and ignored.
+Supported are the plugins of ROS 1 (``libgazebo_ros_…``, camelCase), those of ROS 2 (the same libraries, snake_case,
+``<ros>``), and the corresponding systems of gz-sim. Other tags are listed with their line and ignored.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from models.model import CameraConfig, ImuConfig, LaserConfig, Mount
 from models.urdf import MAX_VALUE, UrdfElement, parse_xml
 
 MAX_SAMPLES = 10_000
-"""Rays of a laser."""
+"""Maximum number of rays of a laser."""
 MAX_PIXELS = 320 * 240
-"""Of a camera's picture: the software renderer takes 30 ms for it."""
+"""Maximum number of pixels of a camera image: the software renderer takes 30 ms for it."""
 MAX_CAMERA_RATE = 10.0
-"""Hz, for the same reason."""
+"""Maximum camera rate [Hz], for the same reason."""
 
 _STEP_RATE = 200.0
 """Physics steps per second; every period is a whole number of steps."""
@@ -28,10 +28,10 @@ _STEP_RATE = 200.0
 
 @dataclass(frozen=True)
 class DriveTag:
-    """A drive: of wheels (``differential``, or ``steered`` as a car is) or of the body itself (``holonomic``).
+    """A drive: with wheels (``differential``, or ``steered`` like a car) or of the body itself (``holonomic``).
 
     Joints are in the order of the wheel pairs; ``reversed_joints`` turn backwards to drive ahead. Lengths in m,
-    ``torque`` in N m, ``acceleration`` [m/s2] and the maxima [m/s, rad/s, rad] None where no tag says them.
+    ``torque`` in N m, ``acceleration`` [m/s2] and the maxima [m/s, rad/s, rad] are None if no tag states them.
     """
 
     kind: Literal["differential", "steered", "holonomic"]
@@ -50,8 +50,8 @@ class DriveTag:
 
 @dataclass(frozen=True)
 class Transmission:
-    """A ``<transmission>``, or a joint of ``<ros2_control>``: its joints and the interfaces that command them
-    (``position``, ``velocity``, ``effort``, in the order of the file)."""
+    """A ``<transmission>``, or a joint of ``<ros2_control>``: its joints and their command interfaces (``position``,
+    ``velocity``, ``effort``, in the order of the file)."""
 
     name: str
     joints: tuple[str, ...]
@@ -60,7 +60,7 @@ class Transmission:
 
 @dataclass(frozen=True)
 class RosControl:
-    """The plugin that loads controllers: its ``parameters`` file as the tag has it, empty without, and namespace."""
+    """The plugin that loads controllers: its ``parameters`` file as in the tag, empty if none, and its namespace."""
 
     parameters: str = ""
     namespace: str = ""
@@ -68,24 +68,24 @@ class RosControl:
 
 @dataclass(frozen=True)
 class Friction:
-    """The coefficients ``mu1`` and ``mu2`` of a link, None where its tag says none."""
+    """The friction coefficients ``mu1`` and ``mu2`` of a link, None if not stated."""
 
     mu1: float | None = None
     mu2: float | None = None
 
     @property
     def coefficient(self) -> float | None:
-        """The one that the engine has: the smaller of the two."""
+        """The coefficient for the engine: the smaller of the two."""
         given = [each for each in (self.mu1, self.mu2) if each is not None]
         return min(given) if given else None
 
 
 @dataclass(frozen=True)
 class GazeboTags:
-    """What was understood. ``topics`` gives the tags' names by ours; ``odometry_rate`` and ``joint_rate`` in Hz.
+    """The supported content. ``topics`` maps our topic names to the tags'; ``odometry_rate`` and ``joint_rate`` in Hz.
 
-    ``notes`` say what is simulated otherwise than its tag says, ``ignored`` what is not simulated, each
-    ``file:line: <tag>: why``.
+    ``notes`` list what is simulated differently from its tag, ``ignored`` what is not simulated, each as ``file:line:
+    <tag>: why``.
     """
 
     drive: DriveTag | None = None
@@ -108,19 +108,19 @@ class GazeboTags:
 
 
 def parse_gazebo_tags(text: str, name: str = "robot.urdf") -> GazeboTags:
-    """The tags of a URDF; ``name`` is how remarks call it."""
+    """Parse the tags of a URDF; ``name`` is the file name used in notes."""
     robot = parse_xml(text)
     assert isinstance(robot, UrdfElement)
     return _Reader(name).read(robot)
 
 
 def snake_case(name: str) -> str:
-    """``wheelSeparation`` and ``wheel_separation`` are one name."""
+    """Convert a name to snake_case: ``wheelSeparation`` becomes ``wheel_separation``."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 def plugin_kind(plugin: UrdfElement) -> str:
-    """What a plugin is, by its library or by the class of a gz-sim system: ``gazebo_ros_diff_drive``."""
+    """Return the kind of a plugin, from its library or the class of a gz-sim system: ``gazebo_ros_diff_drive``."""
     for name in (plugin.get("name", ""), plugin.get("filename", "")):
         if "::" in name:
             return "gz_" + snake_case(name.rpartition("::")[2])
@@ -139,13 +139,13 @@ _PLUGIN_ALIASES = {
     "gazebo_ros_depth_camera": "gazebo_ros_camera",
     "gazebo_ros_openni_kinect": "gazebo_ros_camera",
 }
-"""Plugins that are read like another one."""
+"""Plugins that are parsed like another one."""
 
 _NEEDED_BY_GZ = {
     f"gz_{each}"
     for each in ("physics", "sensors", "imu", "scene_broadcaster", "user_commands", "contact", "pose_publisher")
 }
-"""Systems that a world of gz-sim needs for what every simulation here does."""
+"""Systems that gz-sim worlds need for what this simulation always does."""
 
 _QUIET = {
     "always_on",
@@ -178,7 +178,7 @@ _QUIET = {
     "cmd_timeout",
     "cmd_vel_timeout",
 }
-"""Parameters of plugins that change nothing that is simulated here."""
+"""Plugin parameters that have no effect on what is simulated here."""
 
 _CONTACT_TAGS = {
     "kp",
@@ -204,7 +204,7 @@ _CONTACT_TAGS = {
 """Settings of Gazebo's solver."""
 
 _LOOKS = {"material", "visual", "transparency", "cast_shadows"}
-"""For show in Gazebo alone: here the URDF's own ``<material>`` counts."""
+"""Appearance in Gazebo only: here the URDF's own ``<material>`` is used."""
 
 _UNNEEDED = {
     "preserve_fixed_joint",
@@ -233,7 +233,7 @@ _SENSOR_KINDS = {
 
 
 class _Reader:
-    """Collects what one URDF says."""
+    """Collects the tags of one URDF."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -303,10 +303,10 @@ class _Reader:
         if re.search("ro_?s_?2?_control", kind):
             kind = "gazebo_ros_control"
         elif "ackerman" in kind or "tricycle" in kind:
-            # Spelled in both ways; makers of robots have their own.
+            # Spelled both ways; robot manufacturers have their own variants.
             kind = "steered_drive"
         elif kind.endswith("_force_based_move"):
-            # Makers of robots have their own, as ridgeback_ros_force_based_move.
+            # Robot manufacturers have their own variants, e.g. ridgeback_ros_force_based_move.
             kind = "gazebo_ros_force_based_move"
         read = self._plugins.get(kind)
         if read is not None:
@@ -329,13 +329,13 @@ class _Reader:
     def _skid_steer(self, plugin: UrdfElement, _: str) -> None:
         left, right = (self._joints(plugin, f"{side}_front_joint", f"{side}_rear_joint") for side in ("left", "right"))
         self._wheel_drive(plugin, left, right)
-        # The plugin tells the true pose.
+        # The plugin publishes the true pose.
         self._found["odometry"] = "world"
         self._odometry(plugin)
         self._name_rest(plugin)
 
     def _wheel_drive(self, plugin: UrdfElement, left: tuple[str, ...], right: tuple[str, ...]) -> None:
-        """The differential drive of a plugin of Gazebo Classic."""
+        """Read the differential drive of a Gazebo Classic plugin."""
         diameter = self._number(plugin, "wheel_diameter")
         self._add_drive(
             DriveTag(
@@ -358,8 +358,8 @@ class _Reader:
         self._name_rest(plugin)
 
     def _force_based_move(self, plugin: UrdfElement, _: str) -> None:
-        """A force on the body that makes it as fast as commanded, of mecanum bases; without a gain for y, of others,
-        which are driven by their wheels here."""
+        """Read a force on the body that tracks the commanded velocity: a mecanum base; with a zero gain for y, another
+        base, which is driven by its wheels here."""
         self._take(plugin, "x_velocity_p_gain", "yaw_velocity_p_gain", "command_watchdog", "cmd_vel_time_out")
         if self._number(plugin, "y_velocity_p_gain") != 0:
             self._add_drive(
@@ -377,7 +377,7 @@ class _Reader:
         self._name_rest(plugin)
 
     def _kobuki(self, plugin: UrdfElement, _: str) -> None:
-        """The base of the TurtleBot 2, whose topics are below ``mobile_base``."""
+        """Read the base of the TurtleBot 2, whose topics are below ``mobile_base``."""
         diameter = self._number(plugin, "wheel_diameter")
         self._add_drive(
             DriveTag(
@@ -400,7 +400,7 @@ class _Reader:
         self._name_rest(plugin)
 
     def _steered_drive(self, plugin: UrdfElement, _: str) -> None:
-        """The drive of a car or of a tricycle, whose wheels are found by their joints."""
+        """Read the drive of a car or tricycle, whose wheels are found by their joints."""
         diameter = self._number(plugin, "wheel_diameter", "actuated_wheel_diameter")
         self._add_drive(
             DriveTag(
@@ -600,7 +600,7 @@ class _Reader:
         self._sensor_topic("imu", sensor, plugin)
 
     def _imu_plugin(self, plugin: UrdfElement, link: str) -> None:
-        """An inertial unit as a plugin of the model, of the link ``bodyName``."""
+        """Read an IMU that is a plugin of the model, on the link ``bodyName``."""
         body = self._text(plugin, "body_name") or link
         if not body or "imu" in self._found:
             self._ignore(plugin, "a robot has one imu: the first one counts" if body else "it names no bodyName")
@@ -679,7 +679,7 @@ class _Reader:
         return rate if rate is not None and rate > 0 else default
 
     def _noise(self, element: UrdfElement, *paths: str) -> float | None:
-        """The standard deviation of the Gaussian noise at the first of the paths that is there."""
+        """Return the standard deviation of the Gaussian noise at the first existing path."""
         for noise in (each for path in paths for each in _elements(element, path)):
             deviation = self._number(noise, "stddev")
             return None if deviation is None else abs(deviation)
@@ -740,20 +740,20 @@ class _Reader:
         return tuple((each.text or "").strip() for name in names for each in _named(plugin, name) if each.text)
 
     def _take(self, plugin: UrdfElement, *names: str) -> None:
-        """These parameters are known, and change nothing here."""
+        """Mark parameters as known that have no effect here."""
         for name in names:
             for each in _named(plugin, name):
                 each.set("read", "")
 
     def _text(self, element: UrdfElement | None, *names: str) -> str:
-        """The text of the first child that is named so, in either spelling; empty without."""
+        """Return the text of the first child with one of these names, in either spelling; empty if there is none."""
         if element is None:
             return ""
         found = [(each.text or "").strip() for name in names for each in _named(element, name)]
         return found[0] if found else ""
 
     def _number(self, element: object, *names: str) -> float | None:
-        """The number of the first child that is named so; one that is none is named and ignored."""
+        """Return the number of the first child with one of these names; an invalid one is listed and ignored."""
         assert isinstance(element, UrdfElement)
         found = [each for name in names for each in _named(element, name)]
         return self._value(found[0]) if found else None
@@ -778,7 +778,7 @@ class _Reader:
         return values if len(values) == count and all(abs(each) <= MAX_VALUE for each in values) else ()
 
     def _name_rest(self, plugin: UrdfElement) -> None:
-        """Name the parameters of a plugin that nothing here has read."""
+        """List the parameters of a plugin that were not read."""
         for each in _children(plugin):
             if "read" not in each.attrib and snake_case(each.tag) not in _QUIET:
                 self._ignore(each, f"no parameter of {plugin_kind(plugin)} that is simulated")
@@ -798,7 +798,7 @@ class _Reader:
 
 
 def step_rate(rate: float, steps: int) -> float:
-    """The highest rate [Hz] up to ``rate`` whose period is a multiple of so many physics steps."""
+    """Return the highest rate [Hz] up to ``rate`` whose period is a multiple of ``steps`` physics steps."""
     return _STEP_RATE / (steps * max(1, math.ceil(_STEP_RATE / steps / rate - 1e-9)))
 
 
@@ -812,7 +812,7 @@ def _elements(element: UrdfElement, path: str) -> list[UrdfElement]:
 
 
 def _named(element: UrdfElement, name: str) -> list[UrdfElement]:
-    """The children of this name in either spelling, marked as read."""
+    """Return the children with this name in either spelling, and mark them as read."""
     found = [each for each in _children(element) if snake_case(each.tag) == name]
     for each in found:
         each.set("read", "")
@@ -820,7 +820,7 @@ def _named(element: UrdfElement, name: str) -> list[UrdfElement]:
 
 
 def _remaps(plugin: UrdfElement) -> Iterator[tuple[str, str]]:
-    """The remappings of a plugin of ROS 2, and of gz-sim's bridge."""
+    """Yield the remappings of a ROS 2 plugin, and of gz-sim's bridge."""
     for tag in ("remapping", "argument"):
         for each in _elements(plugin, f"ros/{tag}"):
             source, found, topic = (each.text or "").partition(":=")
@@ -829,7 +829,7 @@ def _remaps(plugin: UrdfElement) -> Iterator[tuple[str, str]]:
 
 
 def _interfaces(names: Iterable[str]) -> Iterator[str]:
-    """``hardware_interface/VelocityJointInterface``, ``VelocityJointInterface`` and ``velocity`` are one."""
+    """Normalize interface names: ``hardware_interface/VelocityJointInterface`` becomes ``velocity``."""
     for name in names:
         plain = name.rpartition("/")[2].removesuffix("JointInterface").lower()
         if plain:
@@ -841,7 +841,7 @@ def _flag(element: UrdfElement) -> bool:
 
 
 def _bare(frame: str) -> str:
-    """A frame without a leading slash."""
+    """Return a frame without its leading slash."""
     return frame.strip().strip("/")
 
 

@@ -1,4 +1,4 @@
-"""Height maps from pictures."""
+"""Height maps from images."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from models.bodies import HeightMapShape
 from models.picture import read_picture
 
 MAX_SAMPLES = 1025 * 1025
-"""Pixels of a height map; PyBullet takes 2 s to load as many."""
+"""Maximum number of pixels of a height map; PyBullet takes 2 s to load as many."""
 
 
 def read_heights(path: Path, height: tuple[float, float]) -> HeightMapShape:
-    """The height map in a picture, whose rows go from north (the top, +y) to south, over 1 m by 1 m; raises BadInput.
+    """Read a height map of 1 m by 1 m from an image, whose rows go from north (the top, +y) to south; raises BadInput.
 
     Args:
-        path: The picture.
+        path: The image.
         height: Height of black and of white [m].
     """
     low, high = height

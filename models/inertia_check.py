@@ -1,4 +1,4 @@
-"""Checks the inertia of a link: whether a body can have it, and one of this size."""
+"""Checks whether the inertia of a link is physically possible, and plausible for its size."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from models.extents import box_inertia
 from models.urdf import Inertia
 
 FAR = 10.0
-"""Factor between a moment and that of the box around the link from which on it is doubtful: a hollow box has 1.7 times
-that of a full one, a rod within a box a third."""
+"""Factor between a moment and that of the link's bounding box from which on it is doubtful: a hollow box has 1.7 times
+the moment of a solid one, a rod in a box a third."""
 ROUNDING = 1e-3
-"""Share by which the triangle inequality may be missed, as by figures with three digits."""
+"""Relative tolerance of the triangle inequality, for values with three digits."""
 
 
 def inertia_fault(inertia: Inertia) -> str:
-    """Why no body can have this inertia; empty if one can.
+    """Explain why no body can have this inertia; empty if it is possible.
 
-    The mass and the principal moments are positive and finite, and none of the moments exceeds the sum of the others.
+    The mass and the principal moments must be positive and finite, and no moment may exceed the sum of the others.
     """
     if not (math.isfinite(inertia.mass) and inertia.mass > 0):
         return f"its mass of {inertia.mass:g} kg is not positive"
@@ -37,9 +37,9 @@ def inertia_fault(inertia: Inertia) -> str:
 
 
 def inertia_doubt(inertia: Inertia, size: Vector) -> str:
-    """Why an inertia is unlikely for a link in a box of ``size`` [m]; empty if it is not.
+    """Explain why an inertia is implausible for a link in a box of ``size`` [m]; empty if it is plausible.
 
-    The moments are compared with those of the homogeneous box, the largest with the largest.
+    Its largest moment is compared with that of the homogeneous box.
     """
     box = max(box_inertia(inertia.mass, size))
     most = max(inertia.tensor[:3])

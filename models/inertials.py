@@ -1,6 +1,7 @@
 """Repairs masses and inertias of a robot's links that are missing or physically impossible.
 
-The engine needs one for each link: it takes 1 kg for a link without, and a point mass for a tensor that it dislikes.
+The engine needs both for each link: it assumes 1 kg for a link without a mass, and a point mass for a tensor it
+rejects.
 """
 
 from __future__ import annotations
@@ -16,31 +17,31 @@ from models.shapes import LinkShapes
 from models.urdf import MAX_VALUE, BadUrdf, Inertia, RobotDescription
 
 DENSITY = 200.0
-"""kg per m3 of the box around a link without mass. A TurtleBot3 Burger has 212, a Pioneer 3-DX 239."""
+"""Assumed density [kg/m3] of a link's bounding box. A TurtleBot3 Burger has 212, a Pioneer 3-DX 239."""
 TOKEN_MASS, TOKEN_MOMENT = 1e-4, 1e-8
-"""Of a frame without a body, kg and kg m2: nothing beside the link that it is fixed to."""
+"""Mass [kg] and moment [kg m2] of a frame without a body: negligible beside the link that it is fixed to."""
 LEAST_MASS = 0.01
-"""kg of a body without mass and shape that a joint moves."""
+"""Mass [kg] of a movable body without mass and shape."""
 LEAST_SIDE = 0.01
-"""m; the box of a link is taken to be at least so wide, so that its tensor is one of a body."""
+"""Minimum side [m] of a link's box, so that its tensor is physically possible."""
 ROUNDING = 0.01
-"""Share by which the largest moment may exceed the sum of the others, as rounded figures of thin plates do."""
+"""Relative tolerance of the triangle inequality of moments, for rounded values of thin plates."""
 
 
 @dataclass(frozen=True)
 class MendedInertias:
-    """The inertia of each link as the engine takes it, and what was assumed for them."""
+    """The inertia of each link for the engine, and notes on the assumptions made."""
 
     inertias: Mapping[str, Inertia]
     notes: tuple[str, ...]
 
 
 def mend_inertias(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> MendedInertias:
-    """Inertias that a body can have; raises BadUrdf for masses beyond all measure.
+    """Return physically possible inertias; raises BadUrdf for masses or inertias beyond MAX_VALUE.
 
-    Links that fixed joints hold together are one body: of these, a link without mass is a frame. A body without any
-    mass has that of its shapes at ``DENSITY``. A tensor that no body can have is replaced by the nearest good one:
-    without its products of inertia, else that of the box around the link.
+    Links connected by fixed joints are one body, in which a link without mass is a frame. A body without any mass gets
+    that of its shapes at ``DENSITY``. An impossible tensor is replaced by the nearest possible one: without its
+    products of inertia, or else that of the link's bounding box.
     """
     found: dict[str, Inertia] = {}
     assumed: list[str] = []
@@ -75,13 +76,13 @@ def mend_inertias(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> 
 
 
 def listed(names: Iterable[str], most: int = 8) -> str:
-    """The names, the first few of many."""
+    """Join the names, at most the first ``most``."""
     each = list(names)
     return ", ".join(each[:most]) + (f" and {len(each) - most} more" if len(each) > most else "")
 
 
 def _bodies(robot: RobotDescription) -> list[list[str]]:
-    """The links that fixed joints hold together, each group from its uppermost link on."""
+    """Return the groups of links connected by fixed joints, each starting with its uppermost link."""
     held: dict[str, list[str]] = {}
     for joint in robot.joints:
         if joint.kind not in ("revolute", "continuous", "prismatic"):
@@ -119,14 +120,14 @@ def _mended(given: Inertia, shapes: LinkShapes, name: str, dropped: list[str], b
 
 
 def _is_possible(tensor: tuple[float, ...]) -> bool:
-    """Whether the principal moments are above 0 and none is more than the sum of the others."""
+    """Whether the principal moments are positive and none exceeds the sum of the others."""
     xx, yy, zz, xy, xz, yz = tensor
     low, middle, high = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])).tolist()
     return bool(low > 0 and high <= (low + middle) * (1 + ROUNDING))
 
 
 def _box_inertia(mass: float, shapes: LinkShapes) -> Inertia:
-    """The inertia of an even box: I_xx = m (y^2 + z^2) / 12."""
+    """Return the inertia of a homogeneous box: I_xx = m (y^2 + z^2) / 12."""
     box = shapes.box()
     low, high = (np.zeros(3), np.full(3, _cube_side(mass))) if box is None else (box[0], box[1])
     centre = (low + high) / 2 if box is not None else np.zeros(3)

@@ -1,4 +1,4 @@
-"""The model of a robot that has a URDF and no ``model.toml``: from its tags and its geometry, with stated defaults."""
+"""The model of a robot with a URDF but no ``model.toml``: inferred from its tags and geometry, with stated defaults."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from models.urdf_writer import link_poses
 from models.wheels import TOUCHES, Wheel, read_wheel, rolling_joints, turns_for_ever
 
 MAX_LINEAR = 1.0
-"""m/s, of a base of which neither tag nor joint says how fast it is."""
+"""Maximum speed [m/s] of a base if neither tags nor joints state it."""
 MAX_ANGULAR = 3.0
-"""rad/s, likewise."""
+"""Maximum turn rate [rad/s], likewise."""
 ACCELERATION = 1.0
-"""m/s2, at most; half of what tips the robot where that is less."""
+"""Maximum acceleration [m/s2]; half of what tips the robot over if that is less."""
 BRAKE = 2.0
-"""m/s2, likewise."""
+"""Maximum deceleration [m/s2], likewise."""
 MAX_PLAUSIBLE_SPEED = 10.0
-"""m/s; a limit of a joint that comes to more means "none"."""
+"""Speed [m/s] above which a joint's limit means "none"."""
 
 
 class InferredModel(NamedTuple):
-    """A model, and remarks on what was chosen because nothing states it."""
+    """A model, and notes on values that were chosen because nothing states them."""
 
     model: RobotModel
     notes: tuple[str, ...]
@@ -43,9 +43,9 @@ class InferredModel(NamedTuple):
 def infer_model(
     robot: RobotDescription, shapes: Mapping[str, LinkShapes], tags: GazeboTags, name: str
 ) -> InferredModel:
-    """The model of a robot from its URDF alone; raises BadInput for a drive without its joints or its wheels.
+    """Infer the model of a robot from its URDF alone; raises BadInput for a drive without its joints or wheels.
 
-    ``name`` is what remarks call the file.
+    ``name`` is the file name used in notes.
     """
     return _Inference(robot, tags, shapes, name).result()
 
@@ -61,7 +61,7 @@ class _Inference:
         self._floor = lowest_point(self._placed)
 
     def result(self) -> InferredModel:
-        """The model of the robot."""
+        """Return the model of the robot."""
         tags, robot = self._tags, self._robot
         drive, steering = self._drive()
         drive_table: dict[str, Any] = {}
@@ -103,7 +103,7 @@ class _Inference:
         return table
 
     def _drive(self) -> tuple[DriveTag | None, SteeringConfig | None]:
-        """What drives the robot, by its tags or by its wheels, and how it is steered."""
+        """Return the drive of the robot, by its tags or its wheels, and its steering."""
         stated = self._tags.drive
         if stated is not None and stated.kind != "steered":
             return stated, None
@@ -122,7 +122,7 @@ class _Inference:
         return self._guess_drive(), None
 
     def _commanded(self) -> set[str]:
-        """The joints of transmissions and of ``<ros2_control>``."""
+        """Return the joints of transmissions and of ``<ros2_control>``."""
         return {joint for each in self._tags.transmissions for joint in each.joints}
 
     def _wheels(self, drive: DriveTag, table: dict[str, Any], steering: SteeringConfig | None) -> WheelConfig:
@@ -146,7 +146,8 @@ class _Inference:
                     "robot's y axis: forwards is not where x points"
                 )
         if len(both) > 2 or steering is not None:
-            # Here a base that skids, or steers, turns as its track says; figures for Gazebo and real ones often differ.
+            # Here a skid-steered or car-like base turns according to its track; values for Gazebo and real robots often
+            # differ.
             factor = track / separation
             if abs(factor - 1) > 0.02:
                 table["wheel_separation_multiplier"] = round(min(max(factor, 0.1), 10.0), 4)
@@ -202,8 +203,8 @@ class _Inference:
         )
 
     def _guess_drive(self) -> DriveTag | None:
-        """The wheels of a robot whose tags name no drive: pairs that hang on the root, of one radius,
-        left and right of it, on the ground; of those that transmissions move with a velocity, where there are any."""
+        """Return the wheels of a robot whose tags name no drive: pairs of one radius, mounted on the root left and
+        right of it, on the ground; only those that transmissions command by velocity, if there are any."""
         moved = {joint for each in self._tags.transmissions if "velocity" in each.interfaces for joint in each.joints}
         mounts = self._mounts()
         wheels = [
@@ -241,7 +242,7 @@ class _Inference:
         )
 
     def _mounts(self) -> set[str]:
-        """The root and the links attached to it without a continuous joint: a rocker or slide, but no swivel."""
+        """Return the root and the links attached to it without a continuous joint: rockers, slides, but no swivels."""
         links = {self._robot.root}
         for _ in self._robot.joints:
             more = {
@@ -255,12 +256,12 @@ class _Inference:
         return links
 
     def _joint_speed(self, wheels: Iterable[Wheel]) -> float:
-        """The lowest velocity limit of the wheels' joints, rad/s; 0 without one."""
+        """Return the lowest velocity limit of the wheels' joints [rad/s]; 0 without one."""
         limits = [self._joints[each.joint].limits.velocity for each in wheels]
         return min((each for each in limits if each), default=0.0)
 
     def _torque(self, drive: DriveTag, wheels: list[Wheel], radius: float) -> float:
-        """That of the tag, or of the joints; else twice what makes a wheel slip."""
+        """Return the wheel torque [N m]: the tag's or the joints'; else twice the torque at which a wheel slips."""
         stated = drive.torque or min((self._joints[each.joint].limits.effort or 0.0 for each in wheels), default=0.0)
         return stated if stated > 0 else max(0.01, 2 * self._mass() * GRAVITY * radius / len(wheels))
 
@@ -268,9 +269,10 @@ class _Inference:
         return sum(max(0.0, each.inertia.mass) for each in self._robot.links if math.isfinite(each.inertia.mass))
 
     def _tipping(self) -> float:
-        """Half the acceleration [m/s2] that tips the robot over what it stands on, forwards or backwards.
+        """Return half the acceleration [m/s2] that tips the robot over its contacts, forwards or backwards.
 
-        a = g d / h with d the distance from the centre of mass to where it stands and h its height. At least 0.1.
+        a = g d / h with d the horizontal distance of the centre of mass from the contacts and h its height. At least
+        0.1.
         """
         poses, total = link_poses(self._robot), self._mass()
         if not total > 0:
@@ -289,13 +291,13 @@ class _Inference:
         laser = self._sensor("laser", laser)
         if laser is None:
             return None
-        # Rays begin outside the sensor's own housing.
+        # Rays start outside the sensor's own housing.
         own = self._shapes.get(laser.link, LinkShapes()).collisions
         inside = max(laser.clearance, circle_radius((each, laser.mount.pose.inverse()) for each in own) + 1e-3)
         return msgspec.structs.replace(laser, clearance=min(inside, laser.range_max / 2))
 
     def _sensor(self, kind: str, config: Any) -> Any:
-        """The sensor, if its link is there, with a frame that is."""
+        """Return the sensor if its link exists, with an existing frame."""
         if config is None:
             return None
         links = {each.name for each in self._robot.links}

@@ -1,4 +1,4 @@
-"""Reads files that others name: regular ones alone, and never more than a limit."""
+"""Reads user-supplied files: regular files only, up to a maximum size."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from messages.errors import BadInput
 
 
 def read_limited(path: Path, limit: int, what: str) -> bytes:
-    """The content of a regular file of at most ``limit`` bytes.
+    """Return the content of a regular file of at most ``limit`` bytes.
 
     Args:
         path: The file; links are followed.
-        limit: Bytes that are read at most.
+        limit: Maximum size [bytes].
         what: What the file should be, for the error: "a URDF".
 
     Raises:
-        BadInput: there is no such file, it cannot be read, it is longer, or it is a folder, pipe, socket or device.
+        BadInput: The file does not exist, cannot be read, is too large, or is a folder, pipe, socket or device.
     """
     try:
-        # A pipe without a writer would block for ever.
+        # Opening a pipe without a writer would block forever.
         number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
         raise BadInput(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None

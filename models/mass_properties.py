@@ -11,16 +11,16 @@ from models.shape_mesh import shape_mesh
 
 
 class MassProperties(NamedTuple):
-    """Centre of mass [m] in the body's frame, and the moments of inertia [kg m2] about that frame's axes through it."""
+    """Centre of mass [m] in the body's frame, and moments of inertia [kg m2] about that frame's axes through it."""
 
     centre: Vector
     moments: Vector
 
 
 def mass_properties(body: WorldBody) -> MassProperties:
-    """Those that are stated, else those of shapes of one density; products of inertia are left out.
+    """Return the stated mass properties, or else those of its shapes at equal density, without products of inertia.
 
-    A mesh counts as the box around it, a ramp as the wedge that it is.
+    A mesh is approximated by its bounding box; a ramp is a wedge.
     """
     parts = [part for part in body.parts if part.solid] or list(body.parts)
     volumes = [_volume_and_centre(part) for part in parts]
@@ -43,7 +43,7 @@ def mass_properties(body: WorldBody) -> MassProperties:
 
 
 def _volume_and_centre(part: BodyPart) -> tuple[float, Vector]:
-    """The volume [m3] of a part and its centre in the body's frame."""
+    """Return the volume [m3] of a part and its centre in the body's frame [m]."""
     shape = part.shape
     match shape:
         case CylinderShape(radius, length):
@@ -66,7 +66,7 @@ def _in_body(part: BodyPart, point: Vector) -> Vector:
 
 
 def _moments_of_unit_mass(part: BodyPart) -> Vector:
-    """Moments of inertia of the shape about its own axes through its centre, m2."""
+    """Return the moments of inertia of the shape per mass [m2] about its own axes through its centre."""
     match part.shape:
         case SphereShape(radius):
             each = 0.4 * radius**2

@@ -1,4 +1,4 @@
-"""Reads meshes: STL (binary and ASCII), OBJ and DAE, within limits that are checked before a file is decoded."""
+"""Reads meshes: STL (binary and ASCII), OBJ and DAE, within limits that are checked before decoding."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from messages.errors import BadInput
 from models.input_file import read_limited
 
 MAX_BYTES = 64 << 20
-"""Bytes of a mesh file."""
+"""Maximum size of a mesh file [bytes]."""
 MAX_TRIANGLES = 500_000
-"""Triangles of a mesh; a polygon counts as those that it is cut into."""
+"""Maximum number of triangles of a mesh, after triangulation of polygons."""
 MAX_EXTENT = 1e6
-"""Bound of every coordinate of a mesh, in the file's unit."""
+"""Maximum magnitude of a mesh's coordinates, in the file's unit."""
 
 FORMATS = (".stl", ".obj", ".dae")
-"""The formats that are read, by the ending of a file's name in small letters."""
+"""The supported formats, by lower-case file extension."""
 
 HULL_DIRECTIONS = 256
-"""Directions in which a convex hull reaches as far as its mesh; a sphere loses 0.8 % of its radius between two."""
+"""Directions in which a convex hull extends as far as its mesh; a sphere loses 0.8 % of its radius between two."""
 
 _STL_HEADER, _STL_TRIANGLE = 84, 50
 _LOOKS = (
@@ -44,11 +44,11 @@ _LOOKS = (
     "instance_light",
     "extra",
 )
-"""Elements of a DAE that say nothing of shapes."""
+"""DAE elements that do not describe shapes."""
 
 
 class BadMesh(BadInput):
-    """A mesh cannot be read, or is beyond the limits; the text says which file and why."""
+    """A mesh cannot be read or exceeds the limits; the text names the file and the reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,21 +60,21 @@ class Mesh:
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """The smallest and the largest corner of the box around it, shape (2, 3)."""
+        """Minimum and maximum corner of its bounding box, shape (2, 3)."""
         bounds: NDArray[np.float64] = np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
         return bounds
 
     def scaled(self, x: float, y: float, z: float) -> Mesh:
-        """The mesh with each axis times a factor; where an odd number of them mirrors, triangles are turned round."""
+        """Scale each axis by a factor; an odd number of negative factors mirrors it, so that triangles are reversed."""
         turned = self.triangles[:, ::-1] if x * y * z < 0 else self.triangles
         return Mesh(self.vertices * np.array((x, y, z)), turned)
 
 
 def read_mesh(path: Path) -> Mesh:
-    """The mesh in a file; raises BadMesh.
+    """Read the mesh in a file; raises BadMesh.
 
-    All groups, objects and nodes of a file come as one mesh. Of a DAE, the unit and the poses of its nodes count;
-    ``up_axis`` does not, as in RViz and Gazebo.
+    All groups, objects and nodes of a file are merged. In a DAE, the unit and the poses of its nodes are applied;
+    ``up_axis`` is not, as in RViz and Gazebo.
     """
     kind = path.suffix.lower()
     if kind not in FORMATS:
@@ -87,7 +87,7 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def decode_mesh(content: bytes, kind: str, where: str) -> Mesh:
-    """The mesh in the content of a file whose name ends with ``kind``; ``where`` begins errors. Raises BadMesh."""
+    """Decode the content of a file with the extension ``kind``; ``where`` is used in errors. Raises BadMesh."""
     count, load = _FORMATS[kind]
     triangles = count(content, where)
     if triangles > MAX_TRIANGLES:
@@ -104,10 +104,10 @@ def decode_mesh(content: bytes, kind: str, where: str) -> Mesh:
 
 
 def hull_points(mesh: Mesh) -> NDArray[np.float64]:
-    """The vertices that span the convex hull of a mesh, shape (k, 3), k at most ``HULL_DIRECTIONS``.
+    """Return vertices that span the convex hull of a mesh, shape (k, 3), k at most ``HULL_DIRECTIONS``.
 
-    They are those that reach farthest in directions spread evenly over the sphere (Fibonacci's lattice), the six axes
-    among them: along these the hull is exact.
+    They are the farthest vertices in directions spread evenly over the sphere (Fibonacci lattice), including the six
+    axes, along which the hull is exact.
     """
     index = np.arange(HULL_DIRECTIONS - 6) + 0.5
     z = 1 - 2 * index / len(index)
@@ -197,7 +197,7 @@ def _load_by_trimesh(content: bytes, kind: str) -> tuple[Any, Any]:
 
 
 def _count_dae(content: bytes, where: str) -> int:
-    """Triangles that the attributes of a DAE announce, without building its tree."""
+    """Return the number of triangles stated in the attributes of a DAE, without building its tree."""
     parser, total = expat.ParserCreate(), 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -249,8 +249,8 @@ def _load_dae(content: bytes) -> tuple[Any, Any]:
 
 
 def read_colours(path: Path, mesh: Mesh) -> NDArray[np.uint8] | None:
-    """The colour of each triangle of ``mesh``, which is that of a DAE, shape (m, 4); None where its materials cannot
-    be read, or are pictures alone."""
+    """Return the colour of each triangle of ``mesh``, which was read from the DAE ``path``, shape (m, 4); None if its
+    materials cannot be read or are only textures."""
     import collada
 
     try:
@@ -285,8 +285,8 @@ def write_glb(path: Path, mesh: Mesh, colours: NDArray[np.uint8]) -> None:
 
 
 def _shapes_of_dae(content: bytes) -> bytes:
-    """The DAE without what it looks like, which exporters often get wrong: geometry that names a broken material would
-    be missing."""
+    """Return the DAE without its appearance, which exporters often get wrong: geometry with a broken material would be
+    missing."""
     root = ElementTree.fromstring(content)
     for parent in list(root.iter()):
         for child in list(parent):

@@ -1,4 +1,4 @@
-"""What a robot's URDF cannot say: its drive and its sensors, from ``models/<name>/model.toml``."""
+"""What a robot's URDF cannot state: its drive and its sensors, from ``models/<name>/model.toml``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from models.robot_facts import read_facts
 from models.urdf import NoWheels, read_robot, read_wheels
 
 INFERRED_FILE = "model.json"
-"""The model of a robot from outside without a ``model.toml``, in the folder that was made for it."""
+"""Inferred model of an imported robot without a ``model.toml``, in the robot's cache folder."""
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -31,8 +31,8 @@ class ModelTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class SteeredWheel(ModelTable, frozen=True, kw_only=True):
-    """A wheel on a steering ``joint``: its place [m] ``ahead`` and ``left`` of the middle of the driven axle;
-    ``reversed`` where the joint turns to the right."""
+    """A wheel on a steering ``joint``: its position [m] ``ahead`` and ``left`` of the centre of the driven axle;
+    ``reversed`` if positive joint angles steer to the right."""
 
     joint: str
     ahead: float
@@ -41,8 +41,8 @@ class SteeredWheel(ModelTable, frozen=True, kw_only=True):
 
 
 class SteeringConfig(ModelTable, frozen=True, kw_only=True):
-    """How a base is steered that drives as a car does: no tighter than ``max_curvature`` [1/m], by motors of ``torque``
-    [N m] that turn its wheels at ``rate`` [rad/s]."""
+    """Steering of a car-like base: at most ``max_curvature`` [1/m], with motors of ``torque`` [N m] that turn the
+    wheels at ``rate`` [rad/s]."""
 
     wheels: Annotated[tuple[SteeredWheel, ...], Meta(min_length=1, max_length=8)]
     max_curvature: Positive
@@ -51,12 +51,12 @@ class SteeringConfig(ModelTable, frozen=True, kw_only=True):
 
 
 class WheelConfig(ModelTable, frozen=True, kw_only=True):
-    """A base with driven wheels on its left and on its right: one on each side, or several that turn alike.
+    """A base with driven wheels on its left and right: one on each side, or several that turn at the same speed.
 
-    Lengths in m; ``separation`` and ``radius`` are the URDF's unless stated. ``max_linear`` [m/s] and ``max_angular``
-    [rad/s] are the hardware's; ``acceleration`` and ``brake`` [m/s2] are those of a wheel's rim, or of the base where
-    ``drive`` says ``ramp = "base"``, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
-    ``reversed`` are joints whose positive speed drives backwards, as of motors that are mounted in mirror image. With
+    Lengths in m; ``separation`` and ``radius`` default to the URDF's. ``max_linear`` [m/s] and ``max_angular`` [rad/s]
+    are the hardware's limits; ``acceleration`` and ``brake`` [m/s2] are those of a wheel's rim, or of the base if
+    ``drive`` has ``ramp = "base"``; ``brake`` applies after a time-out or an emergency stop; ``torque`` [N m] is per
+    wheel. ``reversed`` lists joints whose positive speed drives backwards, as with motors mounted in mirror image. With
     ``steering``, these wheels are those of the one axle that is not steered.
     """
 
@@ -76,19 +76,19 @@ class WheelConfig(ModelTable, frozen=True, kw_only=True):
 
     @property
     def left_joints(self) -> tuple[str, ...]:
-        """All driven wheels of the left."""
+        """All driven joints on the left."""
         return self.left_joint, *self.other_left
 
     @property
     def right_joints(self) -> tuple[str, ...]:
-        """All driven wheels of the right."""
+        """All driven joints on the right."""
         return self.right_joint, *self.other_right
 
 
 class PlanarConfig(ModelTable, frozen=True, kw_only=True):
-    """A holonomic base, whose velocity is set as it is commanded: forwards, sideways and turning.
+    """A holonomic base, whose velocity is set as commanded: forwards, sideways and turning.
 
-    ``max_linear`` [m/s] holds for either axis, ``max_angular`` in rad/s; ``acceleration`` and ``brake`` in m/s2,
+    ``max_linear`` [m/s] applies to each axis, ``max_angular`` is in rad/s; ``acceleration`` and ``brake`` are in m/s2,
     ``acceleration_angular`` in rad/s2.
     """
 
@@ -100,8 +100,8 @@ class PlanarConfig(ModelTable, frozen=True, kw_only=True):
 
 
 class Mount(ModelTable, frozen=True, kw_only=True):
-    """Where a sensor sits on its link, ``xyz`` [m] and ``rpy`` [rad], and the ``frame`` of its messages; the link's
-    own where it is empty."""
+    """Pose of a sensor on its link, ``xyz`` [m] and ``rpy`` [rad], and the ``frame`` of its messages; the link's own if
+    empty."""
 
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -109,19 +109,19 @@ class Mount(ModelTable, frozen=True, kw_only=True):
 
     @property
     def pose(self) -> Pose3:
-        """In the link."""
+        """The pose in the link's frame."""
         return Pose3(self.xyz, quaternion_from_rpy(*self.rpy))
 
 
 ON_LINK = Mount()
-"""At the link's origin, in its axes."""
+"""The mount at the link's origin, along its axes."""
 
 
 class LaserConfig(ModelTable, frozen=True, kw_only=True):
-    """A turning laser: ``samples`` rays, counter-clockwise in the link's plane, from ``angle_min`` [rad, from its x
-    axis] to ``angle_max``, both included; without ``angle_max`` over a whole turn.
+    """A rotating laser: ``samples`` rays, counter-clockwise in the link's plane, from ``angle_min`` [rad, from the x
+    axis] to ``angle_max``, inclusive; without ``angle_max``, over a full turn.
 
-    ``rate`` [Hz], ranges and ``noise`` (standard deviation) in m. Rays start ``clearance`` [m] from the link's origin,
+    ``rate`` in Hz, ranges and ``noise`` (standard deviation) in m. Rays start ``clearance`` [m] from the link's origin,
     outside the laser's own housing.
     """
 
@@ -149,17 +149,17 @@ class LaserConfig(ModelTable, frozen=True, kw_only=True):
 
     @property
     def increment(self) -> float:
-        """The angle from one ray to the next, rad."""
+        """The angle between adjacent rays, rad."""
         if self.angle_max is None:
             return 2 * math.pi / self.samples
         return (self.angle_max - self.angle_min) / (self.samples - 1)
 
 
 class SonarConfig(ModelTable, frozen=True, kw_only=True):
-    """A ring of sonars, each at the origin of one of ``links`` and looking along its x axis.
+    """A ring of sonars, each at the origin of one of ``links`` and facing along its x axis.
 
-    All hear ``rate`` times a second [Hz] the nearest echo within a cone of the whole angle ``cone`` [rad]; ranges and
-    ``noise`` (standard deviation) in m. All are mounted on ``link``: their echoes are told as points in its frame.
+    At ``rate`` [Hz], each measures the nearest echo within a cone of full angle ``cone`` [rad]; ranges and ``noise``
+    (standard deviation) in m. All are mounted on ``link``: their echoes are published as points in its frame.
     """
 
     link: str
@@ -172,7 +172,7 @@ class SonarConfig(ModelTable, frozen=True, kw_only=True):
 
 
 class ImuConfig(ModelTable, frozen=True, kw_only=True):
-    """An inertial unit: ``rate`` [Hz]; noises are standard deviations of one sample, rad/s and m/s2."""
+    """An IMU: ``rate`` in Hz; noises are standard deviations per sample, rad/s and m/s2."""
 
     link: str
     rate: Positive
@@ -182,8 +182,8 @@ class ImuConfig(ModelTable, frozen=True, kw_only=True):
 
 
 class CameraConfig(ModelTable, frozen=True, kw_only=True):
-    """A pinhole camera: ``link`` is its optical frame (z forward, y down), or, without ``optical``, looks along its x
-    axis; ``fov`` [rad] is horizontal, clips in m."""
+    """A pinhole camera: ``link`` is its optical frame (z forward, y down), or, if not ``optical``, it faces along the
+    link's x axis; ``fov`` [rad] is horizontal, clips in m."""
 
     link: str
     rate: Positive
@@ -200,10 +200,10 @@ ErrorShare = Annotated[float, Meta(ge=0, le=0.05)]
 
 
 class OdometryErrorConfig(ModelTable, frozen=True, kw_only=True):
-    """How far the wheels of such a robot are from what its odometry takes them for: standard deviations, as shares.
+    """Deviation of the robots' wheels from the values that odometry assumes: relative standard deviations.
 
-    ``wheel_radius`` is that of the size of both wheels, ``wheel_radius_ratio`` that of the right one by the left one,
-    ``wheel_separation`` that of the distance between the points at which they touch the ground.
+    ``wheel_radius`` is that of both wheels' radius, ``wheel_radius_ratio`` that of the right radius over the left one,
+    ``wheel_separation`` that of the distance between their contact points with the ground.
     """
 
     wheel_radius: ErrorShare = 0.0
@@ -212,15 +212,15 @@ class OdometryErrorConfig(ModelTable, frozen=True, kw_only=True):
 
 
 class RobotModel(ModelTable, frozen=True, kw_only=True):
-    """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
+    """A robot: ``radius`` [m] of the circle around ``base_frame`` that encloses it, its drive and its sensors.
 
-    ``odometry_rate`` [Hz] is that of odometry and ground truth, ``joint_rate`` [Hz] that of the joint states, the same
-    where it is not stated. ``fixed_base`` holds the root where it is. ``drive`` holds what this model's base driver
-    takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``. ``topics`` gives
-    topics, by their names here, a second name in the robot's namespace.
+    ``odometry_rate`` [Hz] is that of odometry and ground truth, ``joint_rate`` [Hz] that of the joint states, by
+    default the same. ``fixed_base`` fixes the root to the world. ``drive`` has this model's defaults of base parameters
+    that a fleet does not set, named as in ``services.sim.BaseParameters``. ``topics`` gives topics, by their names
+    here, a second name in the robot's namespace.
 
-    ``odometry`` is the pose in the world, or what the wheels' encoders tell, with ``odometry_error``; that counts from
-    the robot's pose in the world, or from 0, by ``odometry_origin``. ``odom_frame`` is its frame.
+    ``odometry`` is from the pose in the world, or from the wheel encoders, with ``odometry_error``; the latter starts
+    at the robot's pose in the world, or at 0, depending on ``odometry_origin``. ``odom_frame`` is its frame.
     """
 
     about: str
@@ -244,25 +244,25 @@ class RobotModel(ModelTable, frozen=True, kw_only=True):
 
     @property
     def drifts(self) -> bool:
-        """Whether the wheels of such a robot are not quite what its odometry takes them for."""
+        """Whether the robots' wheels deviate from the values that odometry assumes."""
         return self.odometry_error != OdometryErrorConfig()
 
     @property
     def has_base(self) -> bool:
-        """Whether it drives by velocity commands; else it takes efforts on its joints."""
+        """Whether it drives by velocity commands; otherwise its joints are commanded by effort."""
         return self.wheels is not None or self.planar is not None
 
 
 def read_model(model: str) -> RobotModel:
-    """The figures of a robot, by its name in this folder or by ``models.robot_source.RobotSource.model``; raises
-    ``models.UnknownModel``, and BadInput for the file of a robot from outside."""
+    """Read the model of a robot, by its name in this folder or by ``models.robot_source.RobotSource.model``; raises
+    ``models.UnknownModel``, and BadInput for an invalid file of an imported robot."""
     path = model_config_path(model)
     return _read(model, path, path.stat().st_mtime_ns) if path.is_file() else _without_file(model)
 
 
 @lru_cache(64)
 def _read(model: str, path: Path, _: int) -> RobotModel:
-    """Its file, read again when that has changed."""
+    """Read its file; cached until the file changes."""
     where = Path(read_facts(model).origin).with_name("model.toml") if is_made(model) else path
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
@@ -280,7 +280,7 @@ def _read(model: str, path: Path, _: int) -> RobotModel:
 
 @lru_cache(64)
 def _without_file(model: str) -> RobotModel:
-    """What was inferred from the URDF when the robot's folder was made."""
+    """Read the model that was inferred from the URDF when the robot's folder was created."""
     try:
         return msgspec.json.decode((Path(model) / INFERRED_FILE).read_bytes(), type=RobotModel)
     except (OSError, *DECODE_ERRORS):
@@ -303,7 +303,7 @@ def _check_links(found: RobotModel, model: str, where: Path, text: str) -> None:
 
 
 def _line(text: str, error: str) -> str:
-    """``:line`` of the key that a decoder's error names; empty where it names none."""
+    """Return ``:line`` of the key in a decoding error; empty if it names none."""
     if found := re.search(r"line (\d+)", error):
         return f":{found[1]}"
     if "end of document" in error:
@@ -319,7 +319,7 @@ def _line(text: str, error: str) -> str:
 
 
 def _fill_from_urdf(wheels: dict[str, Any], name: str) -> None:
-    """Fill in from the URDF what the model file leaves out of its wheels."""
+    """Fill in missing wheel values of the model file from the URDF."""
     if {"separation", "radius"} <= wheels.keys() or not {"left_joint", "right_joint"} <= wheels.keys():
         return
     pair = read_wheels(physics_urdf_path(name), wheels["left_joint"], wheels["right_joint"])

@@ -1,7 +1,7 @@
-"""Finds what SDF files name: models by ``model://`` or a path, and the files in them.
+"""Finds what SDF files refer to: models by ``model://`` or a path, and the files in them.
 
-A model is looked for as ``models.packages`` looks for one, and also, as packages for Gazebo lay them, in the folder
-``models`` of every folder above the file, and in GAZEBO_RESOURCE_PATH, IGN_GAZEBO_RESOURCE_PATH and SDF_PATH.
+A model is searched for as in ``models.packages``, and also, as Gazebo packages are laid out, in the folder ``models``
+of every folder above the file, and in GAZEBO_RESOURCE_PATH, IGN_GAZEBO_RESOURCE_PATH and SDF_PATH.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _MOST_LISTED = 500
 
 
 def find_resource(uri: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path:
-    """The file or folder that ``source`` names by a URI; raises BadInput, FileMissing for one that is not there."""
+    """Find the file or folder that a URI in ``source`` refers to; raises BadInput, FileMissing if it does not exist."""
     uri = unquote(uri.strip())
     scheme, _, rest = uri.partition("://")
     missing = None
     if scheme == "file" and not rest.startswith("/"):
-        # Gazebo looks for file://models/NAME/... in its resource paths, of which the package is one.
+        # Gazebo searches for file://models/NAME/... in its resource paths, which include the package.
         for above in Path(os.path.abspath(source)).parents:
             if (above / rest).is_file():
                 return find_file(str(above / rest), source, packages, access)
@@ -34,10 +34,10 @@ def find_resource(uri: str, source: Path, packages: PackagePath, access: FileAcc
         name = rest.partition("/")[0]
         for folder in _model_folders(source, packages):
             if name == rest and scheme == "model" and (folder / name).is_file():
-                # A mesh that lies in a folder of models by itself.
+                # A mesh directly in a folder of models.
                 return find_file(str((folder / name).absolute()), source, packages, access)
             if name and (folder / name).is_dir():
-                # Named from inside the model, it is found there and checked not to lead out of it.
+                # Resolving it from inside the model finds it there and ensures that it does not lead outside.
                 found = find_file(uri, folder / name / "model.sdf", packages, access)
                 if found.exists():
                     return found
@@ -57,10 +57,10 @@ def find_resource(uri: str, source: Path, packages: PackagePath, access: FileAcc
 
 
 def find_model_file(uri: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path | None:
-    """The SDF that an ``<include>`` of ``source`` names; None for one on the Internet. Raises BadInput."""
+    """Find the SDF file of an ``<include>`` in ``source``; None for one on the Internet. Raises BadInput."""
     uri = uri.strip()
     if re.match(r"https?://", uri):
-        # The models of Fuel have their name last; one that lies on this machine is taken.
+        # Fuel URLs end with the model's name; a local model of that name is used.
         name = re.sub(r"/\d+$", "", uri.rstrip("/")).rpartition("/")[2]
         try:
             return find_model_file(f"model://{name}", source, packages, access)
@@ -79,7 +79,7 @@ def find_model_file(uri: str, source: Path, packages: PackagePath, access: FileA
 
 
 def _sdf_of(folder: Path, uri: str) -> Path:
-    """The SDF of the newest version that a model's ``model.config`` names."""
+    """Return the SDF file of the newest version in a model's ``model.config``."""
     config = folder / "model.config"
     if config.is_file():
         sheets = [each for each in read_sdf(config, ("model",)).children if each.tag == "sdf" and each.text]
@@ -95,7 +95,7 @@ def _sdf_of(folder: Path, uri: str) -> Path:
 
 
 def _model_folders(source: Path, packages: PackagePath) -> Iterator[Path]:
-    """Folders of models beside those of ``models.packages``."""
+    """Yield folders of models in addition to those of ``models.packages``."""
     for each in packages.folders:
         yield from (each, each / "models")
     for above in list(Path(os.path.abspath(source)).parents)[:-1]:
@@ -105,7 +105,7 @@ def _model_folders(source: Path, packages: PackagePath) -> Iterator[Path]:
 
 
 def _models(source: Path, packages: PackagePath) -> list[str]:
-    """Names of models that are similar."""
+    """Return the names of models found in these folders."""
     found: list[str] = []
     for folder in _model_folders(source, packages):
         try:

@@ -1,8 +1,8 @@
-"""Finds the files that a robot's description names: ``package://``, ``model://``, ``file://`` and relative ones.
+"""Finds the files that a robot's description refers to: ``package://``, ``model://``, ``file://`` and relative paths.
 
-A package NAME is a folder of that name, or one whose ``package.xml`` has it in ``<name>``. It is looked for above the
-file that names it and beside its parents, then in the folders that the user gives, in ROS_PACKAGE_PATH and in
-AMENT_PREFIX_PATH (``share/NAME``); of ``model://`` in GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH, too.
+A package NAME is a folder of that name, or one whose ``package.xml`` has it in ``<name>``. It is searched for above the
+referring file and beside its parents, then in the user's folders, in ROS_PACKAGE_PATH and in AMENT_PREFIX_PATH
+(``share/NAME``); for ``model://`` also in GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ from messages.errors import BadInput, did_you_mean
 from models.input_file import read_limited
 
 MAX_FOLDERS = 5000
-"""Folders below one of ROS_PACKAGE_PATH that are looked into."""
+"""Maximum number of folders searched below one of ROS_PACKAGE_PATH."""
 MAX_DEPTH = 4
-"""How deep below it."""
+"""Maximum depth of that search."""
 MAX_PACKAGE_XML = 1 << 20
-"""Bytes of a ``package.xml``."""
+"""Maximum size of a ``package.xml`` [bytes]."""
 
 
 class FileNotAllowed(BadInput):
-    """A description names a file that it may not read, or a package that there is not."""
+    """A description refers to a file that it may not read, or to a package that does not exist."""
 
 
 class FileMissing(FileNotAllowed):
-    """A description names a package, a model or a file that is not on this machine."""
+    """A description refers to a package, model or file that is not on this machine."""
 
 
 @dataclass(frozen=True)
 class FileAccess:
-    """What a description may read.
+    """The files that a description may read.
 
-    ``folders`` are those in which its files must lie, links followed; None stands for the whole disk. Only with
-    ``run_xacro`` is a xacro expanded: it is code.
+    ``folders`` must contain its files, after following links; None allows the whole disk. A xacro is expanded only with
+    ``run_xacro``, since it is code.
     """
 
     folders: tuple[Path, ...] | None = None
     run_xacro: bool = True
 
     def check(self, path: Path, uri: str) -> None:
-        """Raise FileNotAllowed for a file outside; ``uri`` is how it was named."""
+        """Raise FileNotAllowed for a file outside these folders; ``uri`` is the path as written."""
         if self.folders is None:
             return
         real = Path(os.path.realpath(path))
@@ -57,18 +57,18 @@ class FileAccess:
 
 
 OWNER = FileAccess()
-"""What the user's own files and command line may: everything."""
+"""Access for the user's own files and command line: unrestricted."""
 
 
 @dataclass(frozen=True)
 class PackagePath:
-    """Where packages lie: the folders of the user, each a package or a folder of packages, and those of ROS."""
+    """Search path of packages: the user's folders, each a package or a folder of packages, and those of ROS."""
 
     folders: tuple[Path, ...] = ()
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
 
     def find(self, name: str, source: Path, kind: str = "package") -> Path:
-        """The folder of the package ``name`` that the file ``source`` names; raises FileNotAllowed."""
+        """Return the folder of the package ``name`` that the file ``source`` refers to; raises FileNotAllowed."""
         if not re.fullmatch(r"[A-Za-z0-9_.-]+", name) or name in (".", ".."):
             raise FileNotAllowed(f"{name[:80]!r} is not a valid {kind} name")
         for folder in self._candidates(name, source, kind):
@@ -81,7 +81,7 @@ class PackagePath:
         )
 
     def roots(self) -> tuple[Path, ...]:
-        """All folders in which packages are looked for, apart from those above a file."""
+        """Return all folders in which packages are searched for, except those above a file."""
         ros = (*self._listed("ROS_PACKAGE_PATH"), *(each / "share" for each in self._listed("AMENT_PREFIX_PATH")))
         return (*self.folders, *ros)
 
@@ -109,7 +109,7 @@ class PackagePath:
         return tuple(Path(each) for each in self.environment.get(variable, "").split(os.pathsep) if each)
 
     def _names(self, source: Path) -> Iterator[str]:
-        """Names that are similar."""
+        """Yield the names of packages and folders that are searched."""
         parents = list(Path(os.path.abspath(source)).parents)[:6]
         yield from (package_name(each) or each.name for each in parents)
         for folder in (*parents[1:4], *self.roots()):
@@ -126,7 +126,7 @@ def is_package(folder: Path, name: str) -> bool:
 
 
 def package_name(folder: Path) -> str:
-    """The name in the ``package.xml`` of a folder, empty without one."""
+    """Return the name in the ``package.xml`` of a folder; empty without one."""
     path = folder / "package.xml"
     if not path.is_file():
         return ""
@@ -139,10 +139,10 @@ def package_name(folder: Path) -> str:
 
 
 def find_file(uri: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path:
-    """The file that ``source`` names as ``uri``; raises FileNotAllowed for what it may not name.
+    """Resolve a path or URI written in ``source`` as ``uri``; raises FileNotAllowed if it may not refer to it.
 
-    Whether it exists is not looked at. A file of a package must lie in it, links followed: a link may lead to another
-    copy of the same package, as a workspace that was built with links has it.
+    The file need not exist. A file of a package must be inside it, after following links: a link may lead to another
+    copy of the same package, as in a workspace built with symlinks.
     """
     scheme, colon, rest = uri.partition("://")
     if not colon:
@@ -176,7 +176,7 @@ def _check_inside(path: Path, folder: Path, name: str, uri: str) -> None:
 
 
 def _packages_below(folder: Path, name: str) -> Iterator[Path]:
-    """The folder itself and those below it that are the package, as rospack crawls them: not below another package."""
+    """Yield those of the folder and its subfolders that are the package; as in rospack, packages are not nested."""
     pending, seen = [(folder, 0)], 0
     while pending and seen < MAX_FOLDERS:
         here, depth = pending.pop(0)

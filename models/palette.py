@@ -1,9 +1,9 @@
-"""The colours of the robots, the same wherever robots are shown: viewer, report and page.
+"""The colours of the robots, the same wherever robots are displayed: viewer, report and panel.
 
-Eight colours, then generated ones. The eight were found by a search over sRGB for the largest least distance in
-OKLab, as seen with normal vision and with a lack of each of the three cones (Machado, Oliveira and Fernandes 2009):
-it is a third larger than in the palette of Okabe and Ito without its yellow. Their relative luminance lies between 0.12
-and 0.42, so that they can be seen on white and on a dark ground.
+Eight colours, then generated ones. The eight were found by a search over sRGB for the largest minimum distance in
+OKLab, for normal vision and for each of the three colour deficiencies (Machado, Oliveira and Fernandes 2009): it is a
+third larger than in the palette of Okabe and Ito without its yellow. Their relative luminance is between 0.12 and 0.42,
+so that they are visible on white and on dark backgrounds.
 """
 
 from __future__ import annotations
@@ -28,39 +28,39 @@ COLOURS: tuple[Colour, ...] = (
 """Blue, orange, green, purple, cyan, red, yellow, violet."""
 
 _GOLDEN = 0.6180339887498949
-"""Share of the circle of hues between two generated colours: no two come near each other for long."""
+"""Share of the hue circle between two generated colours, so that successive hues stay far apart."""
 _LIGHTNESS = (0.36, 0.5, 0.62)
 
 
 class Palette:
-    """Gives every name a colour and keeps it.
+    """Assigns a permanent colour to every name.
 
-    The ``names`` known at first take theirs in their own order, numbers in them by value, whatever the order they come
-    in: everyone who shows the robots of a fleet gives them the same colours. A name that comes later, as a robot that
-    is spawned, takes the next colour, and changes nobody else's.
+    The initial ``names`` get theirs in natural order, numbers in them by value, whatever the order they are passed in,
+    so that every viewer of a fleet uses the same colours. A name added later, e.g. a spawned robot, gets the next
+    colour and changes no other.
     """
 
     def __init__(self, names: Iterable[str] = ()) -> None:
         self._indices = {name: index for index, name in enumerate(sorted(set(names), key=natural_order))}
 
     def colour(self, name: str) -> Colour:
-        """The colour of a name."""
+        """Return the colour of a name."""
         return colour(self._indices.setdefault(name, len(self._indices)))
 
     def next_colours(self, count: int) -> list[Colour]:
-        """The colours that the next ``count`` names would take: those of nobody yet."""
+        """Return the colours that the next ``count`` new names would get."""
         return [colour(len(self._indices) + index) for index in range(count)]
 
 
 def colours(names: Iterable[str]) -> dict[str, Colour]:
-    """A colour for each of the names; the order in which they are given makes no difference."""
+    """Assign a colour to each of the names, whatever their order."""
     each = list(names)
     palette = Palette(each)
     return {name: palette.colour(name) for name in each}
 
 
 def colour(index: int) -> Colour:
-    """The colour at an index from 0 on; none repeats."""
+    """Return the colour at an index, from 0 on; none repeats."""
     if index < len(COLOURS):
         return COLOURS[index]
     beyond = index - len(COLOURS)
@@ -70,11 +70,11 @@ def colour(index: int) -> Colour:
 
 
 def hexadecimal(full: Colour) -> str:
-    """As CSS and Matplotlib write it: ``#578df7``."""
+    """Format as in CSS and Matplotlib: ``#578df7``."""
     return "#{:02x}{:02x}{:02x}".format(*full)
 
 
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
-    """Sorts ``tb3_2`` before ``tb3_10``."""
+    """Sort key that puts ``tb3_2`` before ``tb3_10``."""
     parts = re.split(r"(\d+)", name)
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], name

@@ -1,4 +1,4 @@
-"""Opens pictures as arrays of grey; their size is checked in the header, before a pixel is decoded."""
+"""Opens images as greyscale arrays; their size is checked in the header, before any pixel is decoded."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from messages.errors import BadInput
 from models.input_file import read_limited
 
 MAX_BYTES = 64 << 20
-"""Of a picture's file."""
+"""Maximum size of an image file [bytes]."""
 FORMATS = ("PNG", "PPM", "BMP", "JPEG", "TIFF")
-"""As Pillow names them; its PPM is PGM, PBM and PPM."""
+"""Pillow's format names; its PPM covers PGM, PBM and PPM."""
 
 
 class Picture(NamedTuple):
-    """Lightness from 0 (black) to 1 (white), shape (rows from the top, columns), and where a pixel is transparent."""
+    """Lightness from 0 (black) to 1 (white), shape (rows from the top, columns), and which pixels are transparent."""
 
     lightness: NDArray[np.float64]
     transparent: NDArray[np.bool_]
 
 
 def read_picture(path: Path, most_pixels: int, what: str) -> Picture:
-    """The picture in a file; raises BadInput.
+    """Read the image in a file; raises BadInput.
 
     Args:
         path: The file: PNG, PGM, PBM, PPM, BMP, JPEG or TIFF.
-        most_pixels: The most that it may have.
-        what: What it is to be, for errors: "a floor plan".
+        most_pixels: Maximum number of pixels.
+        what: What it should be, for errors: "a floor plan".
     """
     content = read_limited(path, MAX_BYTES, "a picture")
     try:
@@ -61,5 +61,5 @@ def _decode(image: Image.Image) -> Picture:
         lightness = np.nan_to_num(values) / (1.0 if image.mode == "F" else 65535.0)
         return Picture(np.clip(lightness, 0.0, 1.0), np.zeros(values.shape, np.bool_))
     rgba = np.asarray(image.convert("RGBA"), np.float64) / 255.0
-    # The mean of the channels, as map_server takes it.
+    # The mean of the channels, as in map_server.
     return Picture(rgba[:, :, :3].mean(axis=2), rgba[:, :, 3] == 0)

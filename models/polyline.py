@@ -1,4 +1,4 @@
-"""A polygon in the plane as a prism of triangles."""
+"""A planar polygon, extruded to a triangulated prism."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Point2 = tuple[float, float]
 
 
 def extruded(corners: list[Point2], height: float) -> Mesh:
-    """The prism over a simple polygon, from z = 0 to ``height`` [m]; raises BadInput.
+    """Return the prism over a simple polygon, from z = 0 to ``height`` [m]; raises BadInput.
 
-    The polygon may be concave and given either way round, its last corner may repeat the first. It is cut into
-    triangles by clipping ears (Meisters 1975).
+    The polygon may be concave and of either orientation, and its last corner may repeat the first. It is triangulated
+    by ear clipping (Meisters 1975).
     """
     points = [point for point, before in zip(corners, [None, *corners], strict=False) if point != before]
     if len(points) > 1 and points[0] == points[-1]:

@@ -1,4 +1,4 @@
-"""The folders of robots from outside, in the user's cache: made once, read by every process, removed when unused."""
+"""The folders of imported robots in the user's cache: created once, read by every process, removed when unused."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from pathlib import Path
 from messages.errors import BadInput
 
 UNUSED_DAYS = 30
-"""Days after which a robot that nobody has asked for is removed."""
+"""Days after which an unused robot is removed."""
 
 MADE = re.compile(r"[A-Za-z0-9_.]+-[0-9a-f]{16}")
-"""The name of a robot's folder: the robot's, and the hash of all that it is made of."""
+"""Name of a robot's folder: the robot's name and the hash of all its inputs."""
 
 
 def robots_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Where they lie: ``elea/robots`` in the user's cache folder (XDG base directory specification)."""
+    """Return the folder of imported robots: ``elea/robots`` in the user's cache (XDG base directory specification)."""
     base = environment.get("XDG_CACHE_HOME", "")
     return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "elea" / "robots"
 
 
 def is_made(model: str) -> bool:
-    """Whether a model is the folder of a robot from outside."""
+    """Whether a model is the folder of an imported robot."""
     return MADE.fullmatch(model.rpartition("/")[2]) is not None and Path(model).is_absolute()
 
 
 def display_name(model: str) -> str:
-    """The name of a model for people: that of a robot from outside without folder and hash."""
+    """Return the display name of a model; for an imported robot, without its cache folder and hash."""
     return model.rpartition("/")[2].rpartition("-")[0] if is_made(model) else model
 
 
 def write_folder(folder: Path, write: Callable[[Path], None]) -> None:
-    """Let ``write`` fill a folder that appears whole, or not at all; raises BadInput."""
+    """Create a folder atomically, filled by ``write``; raises BadInput."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         begun = Path(tempfile.mkdtemp(prefix=".", dir=folder.parent))

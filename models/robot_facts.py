@@ -1,4 +1,4 @@
-"""Facts about a robot from outside, found when its folder was made."""
+"""Facts about an imported robot, determined when its folder was created."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from models.robot_cache import is_made
 
 
 class Skid(msgspec.Struct, frozen=True, kw_only=True):
-    """The driven wheels of a base that skids: the middle of where they touch the ground, in the root's frame [m], the
-    mean of their friction, and the axles in the frames of their links."""
+    """The driven wheels of a skid-steered base: the centre of their contact points in the root's frame [m], their mean
+    friction, and the axles in the frames of their links."""
 
     middle: tuple[float, float, float]
     friction: float
@@ -21,7 +21,7 @@ class Skid(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BuiltWheels(msgspec.Struct, frozen=True, kw_only=True):
-    """The driven wheels as the shapes have them: the distance between left and right and the radii, m."""
+    """The driven wheels' dimensions by their shapes: distance between left and right, and the radii [m]."""
 
     track: float
     left_radius: float
@@ -29,12 +29,12 @@ class BuiltWheels(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found out about a robot from outside.
+    """Facts about an imported robot.
 
-    ``title`` is what the URDF calls it; ``reach`` [m] is how far it extends from the root's z axis, ``lowest`` and
-    ``highest`` [m] are its ends above the root's frame, all joints at zero. ``origin`` is the user's file, empty for a
-    text. ``height`` [m] is how high the root stands when the robot touches the ground, ``starts`` [rad or m] where
-    joints start that may not stand at zero.
+    ``title`` is the name in the URDF; ``reach`` [m] is its extent from the root's z axis, ``lowest`` and ``highest``
+    [m] are its vertical limits in the root's frame, with all joints at zero. ``origin`` is the user's file, empty for a
+    text. ``height`` [m] is that of the root when the robot stands on the ground, ``starts`` [rad or m] are the start
+    positions of joints whose range excludes zero.
     """
 
     name: str
@@ -52,7 +52,7 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_facts(model: str) -> RobotFacts:
-    """What was found out about a robot that was made; raises UnknownModel."""
+    """Read the facts of an imported robot; raises UnknownModel."""
     try:
         return msgspec.json.decode((Path(model) / "facts.json").read_bytes(), type=RobotFacts)
     except (OSError, *DECODE_ERRORS):
@@ -60,5 +60,5 @@ def read_facts(model: str) -> RobotFacts:
 
 
 def read_notes(model: str) -> tuple[str, ...]:
-    """What was assumed of a robot; nothing of one of this folder."""
+    """Return the assumptions made about a robot; empty for a built-in one."""
     return read_facts(model).notes if is_made(model) else ()

@@ -1,4 +1,4 @@
-"""Makes the folder of a robot from outside: its URDF for all, for the engine and for the viewer, and its meshes."""
+"""Creates the folder of an imported robot: its URDF in general, for the engine and for the viewer, and its meshes."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
 FORMAT = "15"
-"""Changes when other files are made of the same robot."""
+"""Format version; increased when the same robot would produce other files."""
 MAX_MODEL_TOML = 1 << 20
-"""Bytes of a ``model.toml``."""
+"""Maximum size of a ``model.toml`` [bytes]."""
 MAX_MESHES = 500
-"""Different meshes of a robot."""
+"""Maximum number of different meshes of a robot."""
 MAX_ALL_TRIANGLES = 2_000_000
-"""Triangles of all meshes of a robot together."""
+"""Maximum number of triangles in all meshes of a robot."""
 
 _OPEN_NAMES = re.compile(r"\$\{(?:namespace|ns|prefix|frame_prefix|tf_prefix)\}")
-"""Placeholders that launch files replace in a plain URDF, as those of TurtleBot3 do."""
+"""Placeholders that launch files replace in a plain URDF, e.g. those of TurtleBot3."""
 
 
 class _NamedFiles:
-    """The files that a URDF names, each found and read once; ``hashes`` grows with what they hold."""
+    """The files that a URDF refers to, each resolved and read once; ``hashes`` covers their content."""
 
     def __init__(self, path: Path | None, base: Path, packages: PackagePath, access: FileAccess) -> None:
         self._path, self._source, self._packages, self._access = path, path or base / "text", packages, access
         self._meshes: dict[Path, Mesh] = {}
         self.found: dict[str, Path] = {}
-        """By what the URDF calls them."""
+        """Resolved files by their names in the URDF."""
         self.hashes = hashlib.sha256()
 
     def read(self, uri: str) -> Mesh:
-        """The mesh that the URDF names; raises BadInput."""
+        """Read a mesh that the URDF refers to; raises BadInput."""
         file = self._find(uri)
         if file not in self._meshes:
             if not file.exists():
@@ -87,18 +87,18 @@ def make_robot(
     base: Path | None = None,
     faults: list[str] | None = None,
 ) -> Path:
-    """Read all that belongs to a robot, and write its folder unless it is there already; raises BadInput.
+    """Read all files of a robot, and create its folder unless it exists; raises BadInput.
 
     Args:
-        name: For people; the URDF's where it is empty.
+        name: Display name; the URDF's if empty.
         urdf: The text.
         path: The user's file, None for a text without one.
-        label: What errors call the text.
+        label: Name of the text in errors.
         config: Its ``model.toml``, if there is one.
-        packages: Where packages are looked for.
+        packages: Search path of packages.
         access: What may be read.
-        base: The folder above which the packages of a text are looked for.
-        faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
+        base: The folder above which the packages of a text are searched for.
+        faults: Collects errors of unreadable meshes, which are then left out; without a list they are raised.
 
     Returns:
         The folder.
@@ -169,7 +169,7 @@ def make_robot(
 
 
 def _stated_wheels(toml: bytes) -> DrivenWheels:
-    """The driven wheels that a ``model.toml`` names; none where it cannot be read, which ``read_model`` says."""
+    """Return the driven wheels of a ``model.toml``; none if it is invalid, which ``read_model`` reports."""
     try:
         config = msgspec.toml.decode(toml, type=_BaseTables)
     except msgspec.MsgspecError:
@@ -195,7 +195,7 @@ class _BaseTables(msgspec.Struct):
 
 
 def _with_fixed_joints(urdf: str, joints: Sequence[str]) -> str:
-    """The text with these joints fixed, line by line as it was."""
+    """Return the text with these joints fixed, keeping its lines."""
 
     def fixed(found: re.Match[str]) -> str:
         name = re.search(r"\bname\s*=\s*[\"']([^\"']*)", found[0])
@@ -205,7 +205,7 @@ def _with_fixed_joints(urdf: str, joints: Sequence[str]) -> str:
 
 
 def _with_paths(urdf: str, paths: Mapping[str, str]) -> str:
-    """The text with other names of files, line by line as it was, and declared as what it is written in."""
+    """Return the text with renamed files and its encoding declared as UTF-8, keeping its lines."""
 
     def renamed(found: re.Match[str]) -> str:
         uri = html.unescape(found[3] if found[3] is not None else found[4])

@@ -1,8 +1,8 @@
-"""Robots from outside: a path to a URDF, a xacro or a folder becomes a folder of files that every process reads.
+"""Imported robots: converts a path to a URDF, a xacro or a folder to a folder of files that every process reads.
 
-What is made of a robot lies in ``robots_folder()``, in a folder named after the robot and the hash of all that it is
-made of: a robot whose file has changed is another one, and what runs keeps its own. ``RobotSource.model`` names it
-wherever a model is named: in a fleet, in a request to spawn, in a service's parameters.
+The files of a robot are in ``robots_folder()``, in a folder named after the robot and the hash of all its inputs: a
+robot whose file has changed gets a new one, and running processes keep theirs. ``RobotSource.model`` is its name
+wherever a model is expected: in a fleet, in a spawn request, in a service's parameters.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _FILES = ("robot.urdf", "robot.urdf.xacro", "robot.xacro")
 
 @dataclass(frozen=True)
 class RobotSource:
-    """A robot's files: its ``urdf`` with all meshes as absolute paths.
+    """A robot's files: its ``urdf`` with absolute mesh paths.
 
-    ``model`` names the robot in fleets, requests and parameters, ``name`` is for people. ``notes`` say what was
-    assumed.
+    ``model`` identifies the robot in fleets, requests and parameters, ``name`` is its display name. ``notes`` list
+    assumptions.
     """
 
     model: str
@@ -39,7 +39,7 @@ class RobotSource:
 
 
 def names_file(model: str) -> bool:
-    """Whether a model is named by a path, not by the name of one of this folder."""
+    """Whether a model is given by a path rather than by the name of a built-in one."""
     return "/" in model or model.endswith((".urdf", ".xacro")) or model in (".", "..", "~")
 
 
@@ -51,16 +51,17 @@ def resolve_robot(
     access: FileAccess = OWNER,
     faults: list[str] | None = None,
 ) -> RobotSource:
-    """The files of a robot; raises BadInput, with file and line.
+    """Return the files of a robot; raises BadInput, with file and line.
 
     Args:
-        model: A name of ``models/``; the name that ``RobotSource.model`` had; or a path to a URDF, a xacro, or a folder
+        model: A name of ``models/``; the value of a ``RobotSource.model``; or a path to a URDF, a xacro, or a folder
             with one of them and perhaps a ``model.toml``.
-        base: The folder that a relative path counts from.
-        packages: Folders in which ``package://`` is looked for beside those of ROS; each is a package or holds some.
+        base: The folder that a relative path is relative to.
+        packages: Folders in which ``package://`` is searched for, in addition to ROS's; each is a package or contains
+            some.
         xacro_args: Values of a xacro's arguments.
         access: What may be read.
-        faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
+        faults: Collects errors of unreadable meshes, which are then left out; without a list they are raised.
     """
     if xacro_args and not names_file(model):
         raise BadInput(f"xacro_args are for a xacro, which {model[:100]!r} is not")
@@ -94,9 +95,9 @@ def resolve_robot(
 def resolve_urdf_text(
     urdf: str, packages: Sequence[Path] = (), access: FileAccess = OWNER, name: str = "", base: Path | None = None
 ) -> RobotSource:
-    """The files of a robot whose URDF is given as text; raises BadInput, with the line.
+    """Return the files of a robot whose URDF is given as text; raises BadInput, with the line.
 
-    With ``base``, its packages are looked for above that folder, too.
+    With ``base``, its packages are also searched for above that folder.
     """
     if "<xacro:" in urdf:
         raise BadInput("this text is a xacro: it is code, and is not run; send the URDF that the command xacro makes")
@@ -104,7 +105,7 @@ def resolve_urdf_text(
 
 
 def find_made(model: str) -> RobotSource | None:
-    """The robot that ``RobotSource.model`` names, None if there is none: it was never made, or is unused for long."""
+    """Return the robot with this ``RobotSource.model``; None if it was never imported, or removed as unused."""
     folder = Path(model) if "/" in model else robots_folder() / model
     if not MADE.fullmatch(folder.name) or folder.parent != robots_folder() or not (folder / "facts.json").is_file():
         return None
@@ -122,7 +123,7 @@ def _make(
     base: Path | None = None,
     faults: list[str] | None = None,
 ) -> RobotSource:
-    from models.robot_files import make_robot  # numpy and decoders of meshes, which a command line alone never needs
+    from models.robot_files import make_robot  # numpy and mesh decoders, which the command line alone never needs
 
     found = _source(make_robot(name, urdf, path, label, config, PackagePath(tuple(packages)), access, base, faults))
     read_model(found.model)
@@ -136,7 +137,7 @@ def _source(folder: Path) -> RobotSource:
 
 
 def _robot_file(path: Path, access: FileAccess) -> Path:
-    """The URDF or xacro that a path means."""
+    """Return the URDF or xacro that a path refers to."""
     path = Path(os.path.abspath(path))
     access.check(path, str(path))
     if not path.is_dir():
@@ -170,6 +171,6 @@ def _siblings(path: Path) -> str:
 
 
 def _name_of(path: Path) -> str:
-    """``my_robot`` of ``my_robot.urdf.xacro``; of ``robot.urdf`` it is the folder's."""
+    """Return ``my_robot`` for ``my_robot.urdf.xacro``; for ``robot.urdf``, the folder's name."""
     stem = path.name.split(".")[0]
     return path.parent.name if path.name in _FILES else stem

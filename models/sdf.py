@@ -1,6 +1,6 @@
-"""Worlds and models in SDF, Gazebo's format, in the versions 1.4 to 1.11: bodies of plain shapes.
+"""Reads worlds and models in SDF, Gazebo's format, versions 1.4 to 1.11: bodies of primitive shapes and meshes.
 
-What is not understood is named in the notes of the world, each tag once with file and line, and ignored.
+Unsupported content is ignored and listed in the notes of the world, each tag once with file and line.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ from models.shape_mesh import shape_mesh
 from models.world_meshes import WorldMeshes
 
 MAX_INCLUDES = 2000
-"""Of a world, each time that one is included."""
+"""Maximum number of includes in a world, counting repeated ones."""
 MAX_NESTING = 8
-"""Models within models, and files that include files."""
+"""Maximum nesting of models, and of files that include files."""
 MAX_CHAIN = 100
-"""Frames whose poses are each relative to the next."""
+"""Maximum length of a chain of frames with relative poses."""
 MAX_VALUE = 1e4
-"""Bound of every length and coordinate, m."""
+"""Maximum magnitude of a length or coordinate, m."""
 FLOOR_EXTENT, FLOOR_HEIGHT = 2.0, 0.5
-"""m; wheels roll on what is larger than the first in both directions, and lower than the second."""
+"""Wheels roll on parts that are larger than the first in both horizontal directions, and lower than the second [m]."""
 PLANE_THICKNESS = 0.1
-"""m; a plane that is not the ground is a box of so much below its surface."""
+"""Thickness [m] of the box below the surface of a plane that is not the ground."""
 
 _SHAPES = ("box", "cylinder", "sphere", "plane", "mesh", "heightmap", "polyline", "capsule", "ellipsoid")
 _SILENT = (
@@ -63,11 +63,11 @@ _SILENT = (
     "wheelslip max_contacts laser_retro cast_shadows transparency meta plugin state population road placement_frame "
     "uri static pose frame"
 )
-"""Tags that describe no body: what the simulation has of its own, or what is only for show."""
+"""Tags that describe no body: the simulation has its own equivalent, or they are only for display."""
 
 
 def read_sdf_world(path: Path, packages: Sequence[Path] = ()) -> WorldDescription:
-    """The world in an SDF file, or its models if it has no world; raises BadWorld with file and line."""
+    """Read the world in an SDF file, or its models if it has no world; raises BadWorld with file and line."""
     return _Reader(packages).world(read_sdf(path), path)
 
 
@@ -79,15 +79,15 @@ def bodies_of_sdf_model(
     packages: Sequence[Path] = (),
     access: FileAccess = OWNER,
 ) -> WorldDescription:
-    """The bodies of the model that a text describes, and notes on what was not understood; raises BadWorld.
+    """Read the bodies of the model in a text, and notes on unsupported content; raises BadWorld.
 
     Args:
         text: SDF with one model.
-        name: The name that it gets, its own by default.
-        pose: Where it is put: the frame of the model's own pose.
-        folder: What relative paths in it count from, by default the working folder.
-        packages: Folders to look for ``model://`` and ``package://`` in.
-        access: What files it may name.
+        name: Its new name, by default its own.
+        pose: The frame of the model's own pose.
+        folder: The folder that its paths are relative to, by default the working directory.
+        packages: Folders in which ``model://`` and ``package://`` are searched for.
+        access: The files it may refer to.
     """
     where = (folder or Path()) / "model.sdf"
     root, reader = parse_sdf(text, where), _Reader(packages, access)
@@ -145,13 +145,13 @@ class SdfModel:
 def read_sdf_model(
     text: str, folder: Path | None = None, packages: Sequence[Path] = (), access: FileAccess = OWNER
 ) -> SdfModel:
-    """The links and joints of the model that a text describes, as ``bodies_of_sdf_model``; raises BadWorld."""
+    """Read the links and joints of the model in a text, as ``bodies_of_sdf_model`` does; raises BadWorld."""
     element = _only_model(text, (folder or Path()) / "model.sdf")
     return _Reader(packages, access).whole_model(element)
 
 
 def read_sdf_pose(text: str) -> Pose3:
-    """The pose that the model of a text states; raises BadWorld. Reads no other file."""
+    """Return the pose of the model in a text, without reading other files; raises BadWorld."""
     element = _only_model(text, Path("model.sdf"))
     return _Frames(_Reader(()), element).own_pose
 
@@ -166,7 +166,7 @@ def _only_model(text: str, where: Path) -> SdfElement:
 
 
 class _Reader:
-    """Reads elements into bodies; ``notes`` are what was not understood, by tag."""
+    """Converts elements to bodies; ``notes`` list unsupported content, by tag."""
 
     def __init__(self, packages: Sequence[Path], access: FileAccess = OWNER) -> None:
         self.notes: dict[str, str] = {}
@@ -177,7 +177,7 @@ class _Reader:
         self._open: list[Path] = []
         self._floor = 1.0
         self._missing: dict[str, str] | None = None
-        """By URI, what a world lacks and is read without, as Gazebo does; None where that is an error."""
+        """By URI, files that a world lacks and is read without, as in Gazebo; None if a missing file is an error."""
 
     def world(self, root: SdfElement, path: Path) -> WorldDescription:
         self._open.append(path.resolve())
@@ -216,7 +216,7 @@ class _Reader:
     def model(
         self, element: SdfElement, above: Pose3, name: str, depth: int, static: bool | None = None
     ) -> Iterator[WorldBody]:
-        """The bodies of a model; ``above`` is the frame that its pose is in, ``name`` replaces its own."""
+        """Yield the bodies of a model; ``above`` is the frame of its pose, ``name`` replaces its own."""
         if depth > MAX_NESTING:
             self._fail(element, f"models lie more than {MAX_NESTING} deep in each other")
         name = name or element.attributes.get("name", "model")
@@ -240,7 +240,7 @@ class _Reader:
         yield from self._bodies(element, name, pose, links, stands)
 
     def whole_model(self, element: SdfElement) -> SdfModel:
-        """A model with its joints."""
+        """Return a model with its joints."""
         frames = _Frames(self, element)
         stands = self._flag(element, "static", False)
         links: list[SdfLink] = []
@@ -269,7 +269,7 @@ class _Reader:
         )
 
     def _inner_links(self, element: SdfElement, stands: bool) -> Iterator[SdfLink]:
-        """The bodies of a model inside another, as links of that."""
+        """Yield the bodies of a nested model as links of the outer one."""
         static = True if stands else None
         if element.tag == "include":
             bodies = self._include(element, IDENTITY, 1, "", static)
@@ -459,7 +459,7 @@ class _Reader:
             self._fail(kind, str(error))
 
     def _plane(self, kind: SdfElement, pose: Pose3, solid: bool) -> list[BodyPart]:
-        """A plane is the ground where it is level at z = 0 (so it has no body), else a box below its surface."""
+        """Return no parts for the ground, a level plane at z = 0; for any other plane, a box below its surface."""
         x, y, z = self._vector(kind, "normal", (0.0, 0.0, 1.0))
         level = z > 0.999 * math.hypot(x, y, z) and abs(pose.position[2]) < 1e-3
         if level or not solid:
@@ -481,7 +481,7 @@ class _Reader:
         if uri is None or not uri.text:
             self._fail(element, "<include> has no <uri>")
         if (built_in := re.sub(r"[^a-z]", "", uri.text.rpartition("/")[2].lower())) in ("groundplane", "sun"):
-            # Gazebo brings both, and so does this simulation.
+            # This simulation has both anyway, as Gazebo does.
             if built_in == "sun":
                 self.lights.append(Light("sun"))
             return
@@ -514,7 +514,7 @@ class _Reader:
             own = prefix + (name.text if name is not None and name.text else model.attributes.get("name", "model"))
             pose = above
             if (stated := element.find("pose")) is not None:
-                # It replaces the model's own.
+                # It replaces the model's own pose.
                 pose = above @ self._pose(stated) @ _Frames(self, model).own_pose.inverse()
             yield from self.model(model, pose, own, depth, static)
         self._open.pop()
@@ -528,7 +528,7 @@ class _Reader:
         return Light(element.attributes.get("name", ""), (x, y, z), (r, g, b))
 
     def _mass(self, inertial: SdfElement) -> float:
-        """kg; Gazebo drives on with 0, as some static models state, so that is as if none were stated."""
+        """Return the mass [kg]; 0, as in some static models, counts as not stated, since Gazebo tolerates it."""
         mass = self._number(inertial, "mass", 1.0, most=1e9)
         if mass > 0:
             return max(LEAST_MASS, mass)
@@ -536,7 +536,7 @@ class _Reader:
         return 1.0
 
     def _moments(self, tensor: SdfElement) -> Vector | None:
-        """kg m2; None where they follow from the shapes: Gazebo's editor writes nan beside a mass of 0."""
+        """Return the moments [kg m2]; None if not usable, since Gazebo's editor writes nan beside a mass of 0."""
         stated = [tensor.find(each) for each in ("ixx", "iyy", "izz")]
         if any(each is None or each.text.lstrip("-").lower() == "nan" for each in stated):
             return None
@@ -583,9 +583,9 @@ class _Reader:
             self._fail(uri, str(error))
 
     def _is_out_of_reach(self, element: SdfElement) -> bool:
-        """Whether a model of a world lies so far away that nobody meets it: it is named and left out.
+        """Whether a model of a world is too far away to matter; it is then reported and left out.
 
-        Worlds that Gazebo saves have those that fell or flew away.
+        Worlds saved by Gazebo contain models that fell or flew away.
         """
         pose = element.find("pose")
         try:
@@ -693,7 +693,7 @@ class _Frames:
         self._seen: list[str] = []
 
     def pose_of(self, element: SdfElement) -> Pose3:
-        """The pose of an element in the frame of its owner."""
+        """Return the pose of an element in the frame of its owner."""
         stated = element.find("pose")
         pose = self._reader._pose(stated)
         base = stated.attributes.get("relative_to") or stated.attributes.get("frame") if stated is not None else None
@@ -714,7 +714,7 @@ class _Frames:
         return under @ pose
 
     def joint_pose(self, joint: SdfElement, child: str) -> Pose3:
-        """The pose of a joint in the frame of its owner: it is stated in the frame of its child, unless it says so."""
+        """Return the pose of a joint in the frame of its owner; by default it is stated in the frame of its child."""
         stated = joint.find("pose")
         if stated is not None and (stated.attributes.get("relative_to") or stated.attributes.get("frame")):
             return self.pose_of(joint)
@@ -723,7 +723,7 @@ class _Frames:
 
 
 def _united(solid: list[BodyPart], shown: list[BodyPart]) -> tuple[BodyPart, ...]:
-    """Parts that collide and parts that are seen; what is both, with the same shape at the same place, is one part."""
+    """Merge colliding and visible parts: those with the same shape and pose become one part."""
     parts = []
     left: dict[Pose3, list[BodyPart]] = {}
     for part in shown:
@@ -738,7 +738,7 @@ def _united(solid: list[BodyPart], shown: list[BodyPart]) -> tuple[BodyPart, ...
         parts.append(part)
     shown = [part for beside in left.values() for part in beside]
     if not shown:
-        # What has no look of its own is seen as it collides, so that nothing stops a robot unseen.
+        # Without visuals, collision shapes are displayed, so that no invisible part stops a robot.
         parts = [replace(part, visible=True) for part in parts]
     return (*parts, *shown)
 
@@ -752,7 +752,7 @@ def _same_shape(one: Shape, other: Shape) -> bool:
 
 
 def _merged(links: list[SdfLink]) -> SdfLink:
-    """Links that fixed joints hold together, as one about the first."""
+    """Merge links connected by fixed joints into one, in the frame of the first."""
     first = links[0]
     back = first.pose.inverse()
     parts = [replace(part, pose=back @ link.pose @ part.pose) for link in links for part in link.parts]
@@ -760,7 +760,7 @@ def _merged(links: list[SdfLink]) -> SdfLink:
 
 
 def _is_floor(part: BodyPart) -> bool:
-    """Whether wheels roll on a fixed part: a height map, and what is large and flat."""
+    """Whether wheels roll on a fixed part: a height map, or a large and flat part."""
     if isinstance(part.shape, HeightMapShape):
         return True
     low, high = shape_mesh(part.shape).bounds
@@ -771,7 +771,7 @@ def _is_floor(part: BodyPart) -> bool:
 
 
 def _turn_to(x: float, y: float, z: float) -> tuple[float, float, float, float]:
-    """The rotation that takes the z axis to a direction, about the axis across both."""
+    """Return the rotation from the z axis to a direction, about the axis perpendicular to both."""
     length = math.hypot(x, y, z)
     x, y, z = x / length, y / length, z / length
     if z < -0.999999:
@@ -781,7 +781,7 @@ def _turn_to(x: float, y: float, z: float) -> tuple[float, float, float, float]:
 
 
 def _with_own_names(bodies: tuple[WorldBody, ...]) -> tuple[WorldBody, ...]:
-    """The bodies, with a number after a name that another has, as Gazebo renames models."""
+    """Return the bodies with duplicate names numbered, as Gazebo renames models."""
     taken, counts = {GROUND_NAME}, dict[str, int]()
     named = []
     for body in bodies:

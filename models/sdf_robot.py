@@ -1,6 +1,6 @@
-"""A model in SDF as a URDF: what a robot or an object is that comes into the world while it runs.
+"""Converts an SDF model to a URDF, for robots and objects that are spawned at run time.
 
-Sensors and plugins go along in ``<gazebo>`` tags, which both formats share.
+Sensors and plugins are copied into ``<gazebo>`` tags, which both formats share.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from models.sdf_xml import ROOTS, SdfElement, without_comments
 
 _KINDS = ("revolute", "continuous", "prismatic", "fixed")
 _UNLIMITED = 1e3
-"""rad or m; limits beyond mean none."""
+"""rad or m; limits beyond this mean none."""
 _NO_EFFORT = 1e5
 
 
 class UrdfOfSdf(NamedTuple):
-    """The URDF of an SDF's model, and what was not understood."""
+    """The URDF of an SDF model, and notes on unsupported content."""
 
     urdf: str
     notes: tuple[str, ...]
@@ -35,9 +35,9 @@ class UrdfOfSdf(NamedTuple):
 def urdf_of_sdf(
     text: str, folder: Path | None = None, packages: Sequence[Path] = (), access: FileAccess = OWNER
 ) -> UrdfOfSdf:
-    """The URDF of the model that a text describes; raises BadWorld.
+    """Convert the model in a text to URDF; raises BadWorld.
 
-    Its root link is the model's own frame, whose pose in the world ``models.sdf.read_sdf_pose`` gives.
+    Its root link is the model's own frame, whose pose in the world is that of ``models.sdf.read_sdf_pose``.
     """
     model = read_sdf_model(text, folder, packages, access)
     notes = list(model.notes)
@@ -59,20 +59,20 @@ def urdf_of_sdf(
 
 
 def model_name(text: str) -> str:
-    """The name that the text of a URDF or SDF gives its model; empty where it gives none."""
+    """Return the model name in the text of a URDF or SDF; empty if it has none."""
     tag = re.search(r"<(?:robot|model)\b([^<>]*)>", without_comments(text))
     found = re.search(r"\bname\s*=\s*[\"']([^\"']*)[\"']", tag[1]) if tag else None
     return found[1] if found else ""
 
 
 def is_sdf(text: str) -> bool:
-    """Whether a text is SDF, and not URDF, by its first tag."""
+    """Whether a text is SDF rather than URDF, by its first tag."""
     tag = re.search(r"<([A-Za-z_][\w:.-]*)", without_comments(text))
     return tag is not None and tag[1] in ROOTS
 
 
 def _tree(model: SdfModel, notes: list[str]) -> tuple[str, list[SdfJoint]]:
-    """The root link, and joints that make a tree of all links; what no joint holds is held to the root."""
+    """Return the root link, and joints that connect all links; links without a joint are fixed to the root."""
     links = {each.name: each for each in model.links}
     if len(links) < len(model.links):
         raise BadWorld(f"the model {model.name!r} has two links of the same name")
@@ -104,7 +104,7 @@ def _tree(model: SdfModel, notes: list[str]) -> tuple[str, list[SdfJoint]]:
 
 
 def _add_link(robot: ElementTree.Element, link: SdfLink, pose: Pose3) -> None:
-    """A link whose SDF frame has a pose in its URDF frame."""
+    """Add a link; ``pose`` is that of its SDF frame in its URDF frame."""
     made = ElementTree.SubElement(robot, "link", name=link.name)
     if any(part.solid for part in link.parts) or link.moments is not None:
         inertial = ElementTree.SubElement(made, "inertial")
@@ -179,12 +179,12 @@ def _element(tag: SdfElement) -> ElementTree.Element:
 
 
 def _middle(link: SdfLink) -> tuple[float, float, float]:
-    """Where the mass of a link without a centre is: the middle of its first solid part."""
+    """Return the centre of mass of a link that states none: the centre of its first solid part."""
     return next((part.pose.position for part in link.parts if part.solid), (0.0, 0.0, 0.0))
 
 
 def _moments(link: SdfLink) -> tuple[float, float, float]:
-    """The moments of a link without any, from its first solid shape."""
+    """Return the moments of inertia of a link that states none, from its first solid shape."""
     part = next((part for part in link.parts if part.solid), None)
     match None if part is None else part.shape:
         case SphereShape(radius):

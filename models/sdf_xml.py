@@ -1,4 +1,4 @@
-"""SDF as elements that know their file and line, within limits."""
+"""SDF as elements with file and line, within limits."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from models.bodies import BadWorld
 from models.input_file import read_limited
 
 MAX_BYTES = 8 << 20
-"""Of an SDF file; a box takes about 500."""
+"""Maximum size of an SDF file [bytes]; a box takes about 500."""
 MAX_DEPTH = 64
 MAX_ELEMENTS = 400_000
 
 
 @dataclass
 class SdfElement:
-    """An element, its text without the space around it, and where it stands."""
+    """An element, its text without surrounding space, and its place in the file."""
 
     tag: str
     attributes: dict[str, str]
@@ -30,7 +30,7 @@ class SdfElement:
     text: str = ""
 
     def find(self, *tags: str) -> SdfElement | None:
-        """The first child of a tag, its first child of the next, and so on."""
+        """Return the first child with the first tag, its first child with the next one, and so on."""
         here: SdfElement | None = self
         for tag in tags:
             here = next((each for each in here.children if each.tag == tag), None) if here is not None else None
@@ -38,11 +38,11 @@ class SdfElement:
 
 
 ROOTS = ("sdf", "gazebo")
-"""The root of an SDF, and its old name."""
+"""The root tag of SDF, and its old name."""
 
 
 def read_sdf(path: Path, roots: tuple[str, ...] = ROOTS) -> SdfElement:
-    """The root of an SDF file, or of another of Gazebo's files, which is one of ``roots``; raises BadWorld."""
+    """Read the root of an SDF file, or of another Gazebo file with a root tag in ``roots``; raises BadWorld."""
     try:
         text = read_limited(path, MAX_BYTES, "an SDF").decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -53,7 +53,7 @@ def read_sdf(path: Path, roots: tuple[str, ...] = ROOTS) -> SdfElement:
 
 
 def parse_sdf(text: str, path: Path, roots: tuple[str, ...] = ROOTS) -> SdfElement:
-    """The root of a text; ``path`` is named in errors. Raises BadWorld."""
+    """Parse a text to its root; ``path`` is used in errors. Raises BadWorld."""
     stack: list[SdfElement] = [SdfElement("", {}, path, 1)]
     parser, count = expat.ParserCreate(), 0
     # White space before the declaration is not XML.
@@ -96,17 +96,17 @@ def parse_sdf(text: str, path: Path, roots: tuple[str, ...] = ROOTS) -> SdfEleme
 
 
 def with_escaped_ampersands(text: str) -> str:
-    """The text with every ``&`` that begins no reference as ``&amp;``.
+    """Escape every ``&`` that does not begin a reference as ``&amp;``.
 
-    Gazebo's parser takes one as it stands, as descriptions of models have it, XML does not.
+    Gazebo's parser accepts a bare one, which occurs in model descriptions; XML does not.
     """
     return re.sub(r"&(?!(?:[A-Za-z_:][\w:.-]*|#\d+|#x[0-9A-Fa-f]+);)", "&amp;", text)
 
 
 def without_comments(text: str) -> str:
-    """The text without its comments, but with their lines, so that those after them keep their numbers.
+    """Remove the comments of a text but keep their line breaks, and with them the line numbers.
 
-    Gazebo's parser takes ``--`` in a comment, XML does not. Takes time in proportion to the text, whatever it is.
+    Gazebo's parser accepts ``--`` in a comment, XML does not. Takes time linear in the length of any text.
     """
     parts, place = [], 0
     while (begin := text.find("<!--", place)) >= 0:

@@ -1,4 +1,4 @@
-"""Shapes as triangles: to draw them, and for physics where it knows a shape as triangles alone."""
+"""Triangulates shapes: for display, and for shapes that the physics supports only as triangles."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from models.bodies import BoxShape, CylinderShape, HeightMapShape, MeshShape, Ra
 from models.mesh import Mesh
 
 SIDES = 24
-"""Sides of a cylinder, and meridians of a sphere."""
+"""Number of sides of a cylinder, and of meridians of a sphere."""
 
 Floats = NDArray[np.float64]
 
 
 def shape_mesh(shape: Shape, most_rows: int = 0) -> Mesh:
-    """The triangles of a shape in its own frame, wound counter-clockwise as seen from outside.
+    """Return the triangles of a shape in its own frame, counter-clockwise as seen from outside.
 
     Args:
         shape: The shape.
-        most_rows: Rows and columns that a height map is reduced to, 0 for all.
+        most_rows: Maximum number of rows and columns of a height map, 0 for all.
     """
     match shape:
         case BoxShape():
@@ -41,20 +41,20 @@ def shape_mesh(shape: Shape, most_rows: int = 0) -> Mesh:
 
 
 def placed(mesh: Mesh, pose: Pose3) -> Mesh:
-    """A mesh of a frame in its parent, in which the frame has ``pose``."""
+    """Transform a mesh from a frame with ``pose`` to its parent."""
     axes = np.array(rotated_axes(pose.orientation))
     return Mesh(mesh.vertices @ axes + np.array(pose.position), mesh.triangles)
 
 
 def joined(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one."""
+    """Merge several meshes into one."""
     starts = np.cumsum([0, *(len(each.vertices) for each in meshes[:-1])])
     triangles = [each.triangles + start for each, start in zip(meshes, starts, strict=True)]
     return Mesh(np.concatenate([each.vertices for each in meshes]), np.concatenate(triangles).astype(np.int32))
 
 
 def ramp_mesh(shape: RampShape) -> Mesh:
-    """A wedge: its bottom, its upright back at +x, its slope and its two sides."""
+    """Return the mesh of a wedge: its bottom, its vertical back at +x, its slope and its two sides."""
     x, y, z = (extent / 2 for extent in shape.size)
     vertices = np.array([(-x, -y, -z), (x, -y, -z), (x, y, -z), (-x, y, -z), (x, -y, z), (x, y, z)])
     triangles = [(0, 2, 1), (0, 3, 2), (1, 2, 5), (1, 5, 4), (0, 4, 5), (0, 5, 3), (0, 1, 4), (3, 5, 2)]
@@ -62,7 +62,7 @@ def ramp_mesh(shape: RampShape) -> Mesh:
 
 
 def height_map_mesh(shape: HeightMapShape, most_rows: int = 0) -> Mesh:
-    """The surface of a height map; with ``most_rows`` only so many of its rows and columns, evenly chosen."""
+    """Return the surface of a height map; with ``most_rows``, of at most as many evenly chosen rows and columns."""
     rows, columns = shape.heights.shape
     picked_rows, picked_columns = _picked(rows, most_rows), _picked(columns, most_rows)
     x = (picked_columns / (columns - 1) - 0.5) * shape.size[0]
@@ -91,7 +91,7 @@ def _hexahedron(size: tuple[float, float, float]) -> Mesh:
 
 
 def _stacked(rings: list[tuple[float, float]], end: float) -> Mesh:
-    """Rings of a radius and a height [m] about z, from below, closed by a point at the heights -end and +end."""
+    """Return a solid of rings (radius, height [m]) about z, from bottom to top, with end points at -end and +end."""
     turns = np.arange(SIDES) * 2 * math.pi / SIDES
     circle = np.column_stack((np.cos(turns), np.sin(turns)))
     layers = [np.column_stack((radius * circle, np.full(SIDES, height))) for radius, height in rings]

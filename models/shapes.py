@@ -1,4 +1,4 @@
-"""The shapes of a robot's links: what a URDF's ``<collision>`` and ``<visual>`` say, with their meshes read."""
+"""The shapes of a robot's links: a URDF's ``<collision>`` and ``<visual>`` elements, with their meshes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 CIRCLE_POINTS = 64
 """Points on the rim of a cylinder; between two, the rim loses 0.1 % of the radius."""
 MAX_SHAPES = 2000
-"""Shapes of a robot."""
+"""Maximum number of shapes of a robot."""
 
 GEOMETRIES = {
     "box": ("size",),
@@ -29,15 +29,15 @@ GEOMETRIES = {
     "sphere": ("radius",),
     "capsule": ("radius", "length"),
 }
-"""The shapes that a URDF has besides a mesh, and their attributes [m]."""
+"""The primitive shapes of a URDF and their attributes [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
     """One shape in the frame of its link.
 
-    ``size`` holds the attributes of ``GEOMETRIES`` in their order, all lengths in m; those of a mesh are its scale.
-    ``mesh`` is scaled. The shape is the hull of ``points`` (in the link's frame, shape (n, 3)), grown by ``rounding``.
+    ``size`` holds the attributes of ``GEOMETRIES`` in their order, in m; for a mesh, its scale. ``mesh`` is already
+    scaled. The shape is the hull of ``points`` (in the link's frame, shape (n, 3)), expanded by ``rounding`` [m].
     """
 
     kind: str
@@ -53,7 +53,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class LinkShapes:
-    """The collision shapes and the visible shapes of a link, and remarks on what is left out."""
+    """The collision and visual shapes of a link, and notes on what was left out."""
 
     collisions: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
@@ -61,11 +61,11 @@ class LinkShapes:
 
     @property
     def any(self) -> tuple[Shape, ...]:
-        """What it collides as, else what one sees of it."""
+        """The collision shapes, or else the visual ones."""
         return self.collisions or self.visuals
 
     def box(self) -> Floats | None:
-        """The smallest and the largest corner [m] of the box around it in its frame, shape (2, 3); None without."""
+        """Return the corners [m] of the bounding box in the link's frame, shape (2, 3); None without shapes."""
         if not self.any:
             return None
         low = np.min([each.points.min(axis=0) - each.rounding for each in self.any], axis=0)
@@ -74,17 +74,17 @@ class LinkShapes:
 
 
 class UnreadMesh(BadUrdf):
-    """A mesh of a URDF is missing or bad."""
+    """A mesh of a URDF is missing or invalid."""
 
 
 MeshReader = Callable[[str], Mesh]
-"""Reads the mesh that a URDF names; raises BadInput."""
+"""Reads a mesh by its name in the URDF; raises BadInput."""
 
 
 def read_shapes(robot: ElementTree.Element, read: MeshReader, faults: list[str] | None = None) -> dict[str, LinkShapes]:
-    """The shapes of each link of a URDF; raises BadUrdf with the line.
+    """Read the shapes of each link of a URDF; raises BadUrdf with the line.
 
-    Meshes that ``read`` refuses are left out where there is a list of ``faults``, which gets why.
+    Meshes that ``read`` refuses are left out if there is a list of ``faults``, which receives the reasons.
     """
     colours = dict(_named_colours(robot))
     shapes = {each.get("name", ""): _link_shapes(each, read, colours, faults) for each in robot.findall("link")}
@@ -94,7 +94,7 @@ def read_shapes(robot: ElementTree.Element, read: MeshReader, faults: list[str] 
 
 
 def placed(points: Floats, pose: Pose3) -> Floats:
-    """Points of the frame at ``pose``, in the frame around it."""
+    """Transform points from the frame at ``pose`` to its parent."""
     axes: Floats = np.array(rotated_axes(pose.orientation))
     found: Floats = points @ axes + np.array(pose.position)
     return found
@@ -125,7 +125,7 @@ def _link_shapes(
 def _shape(
     element: ElementTree.Element, read: MeshReader, colours: dict[str, tuple[float, ...]], where: str
 ) -> Shape | str:
-    """The shape, or why there is none."""
+    """Return the shape, or why there is none."""
     geometry = element.find("geometry")
     given = next(iter(geometry), None) if geometry is not None else None
     if given is None:
@@ -164,7 +164,7 @@ def _shape(
 
 @lru_cache(256)
 def _primitive_points(kind: str, size: tuple[float, ...]) -> tuple[Floats, float]:
-    """Points whose hull, grown by a radius, is the shape; and that radius."""
+    """Return points and a radius: the shape is the hull of the points, expanded by the radius."""
     if kind == "box":
         x, y, z = (each / 2 for each in size)
         return np.array([(i * x, j * y, k * z) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]), 0.0
@@ -210,7 +210,7 @@ def _colour(element: ElementTree.Element, colours: dict[str, tuple[float, ...]])
 
 
 def _rgba(material: ElementTree.Element) -> tuple[float, ...] | None:
-    """The colour of a material; None without a good one, which moves nothing."""
+    """Return the colour of a material; None if it is missing or invalid, which is not an error."""
     colour = material.find("color")
     try:
         parts = (

@@ -1,4 +1,4 @@
-"""The steering of a robot that drives as a car or a tricycle does, from its joints and shapes."""
+"""The steering of a car-like or tricycle-like robot, inferred from its joints and shapes."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from models.urdf_writer import link_poses
 from models.wheels import Wheel, read_wheel, rolling_joints, turns_for_ever
 
 TRAIL = 0.2
-"""Of a wheel's radius; the wheel of a caster stands farther behind the axis that it swivels about."""
+"""Maximum trail of a steered wheel, in wheel radii; the wheel of a caster is farther behind its swivel axis."""
 PAIRED = 0.02
-"""m, by which the two wheels of an axle may differ from a mirror image."""
+"""Maximum deviation [m] of the two wheels of an axle from mirror symmetry."""
 MAX_STEER = 0.6
-"""rad, of a joint without limits."""
+"""Maximum steering angle [rad] of a joint without limits."""
 FARTHEST_STEER = 1.3
-"""rad, of any joint."""
+"""Maximum steering angle [rad] of any joint."""
 RATE = 1.5
-"""rad/s, of a joint without a lower velocity limit."""
+"""Maximum steering rate [rad/s], unless a joint has a lower velocity limit."""
 SHORTEST_WHEELBASE = 0.01
-"""m; steered wheels beside the driven ones do not steer."""
+"""Minimum wheelbase [m]; steered wheels beside the driven ones do not steer."""
 
 
 class Steered(NamedTuple):
-    """A wheel that is steered, and the joint that steers it; ``up`` is the vertical part of that joint's axis."""
+    """A steered wheel and its steering joint; ``up`` is the vertical component of that joint's axis."""
 
     wheel: Wheel
     steering: Joint
@@ -37,7 +37,7 @@ class Steered(NamedTuple):
 
 
 class SteeredBase(NamedTuple):
-    """A base with one axle whose wheels are not steered: its wheels, and the steered ones."""
+    """A base with one axle that is not steered: the wheels of that axle, and the steered ones."""
 
     left: Wheel
     right: Wheel
@@ -47,13 +47,13 @@ class SteeredBase(NamedTuple):
 def find_steering(
     robot: RobotDescription, shapes: Mapping[str, LinkShapes], commanded: set[str], ground: float
 ) -> SteeredBase | None:
-    """The steered wheels of a robot, and the one pair that is not; None where there are no such wheels.
+    """Find the steered wheels of a robot, and the one pair that is not steered; None if there are none.
 
     Args:
         robot: The robot.
         shapes: The shapes of its links.
-        commanded: Joints that something moves: one that swivels freely belongs to a caster, unless it has limits.
-        ground: The height below which a wheel begins that can touch the ground, m.
+        commanded: Commanded joints: any other swivel joint belongs to a caster, unless it has limits.
+        ground: Height [m] that the lowest point of a wheel may not exceed if it is to touch the ground.
     """
     steered, others = [], []
     for joint in rolling_joints(robot):
@@ -80,7 +80,7 @@ def find_steering(
 
 
 def steering_config(base: SteeredBase, stated: float | None, mass: float) -> SteeringConfig:
-    """The figures of a steering: ``stated`` is the largest angle by a tag, rad, ``mass`` that of the robot, kg."""
+    """Return the steering; ``stated`` is the maximum angle [rad] from a tag, if any, ``mass`` the robot's [kg]."""
     axle = (base.left.place[0] + base.right.place[0]) / 2
     curvatures, rates, torques = [], [RATE], []
     for each in base.steered:
@@ -89,7 +89,7 @@ def steering_config(base: SteeredBase, stated: float | None, mass: float) -> Ste
         bounds = [abs(end) for end in (limits.lower, limits.upper) if end is not None]
         least = min(bounds, default=0.0) if not turns_for_ever(each.steering) else 0.0
         tangent = math.tan(min(least or MAX_STEER, stated or FARTHEST_STEER, FARTHEST_STEER))
-        # The wheel inside of a curve turns farthest: tan(a) = k x / (1 - k |y|).
+        # The inner wheel of a curve turns farthest: tan(a) = k x / (1 - k |y|).
         curvatures.append(tangent / (abs(x - axle) + abs(y) * tangent))
         rates += [limits.velocity] if limits.velocity else []
         torques += [limits.effort] if limits.effort else []
@@ -110,8 +110,8 @@ def steering_config(base: SteeredBase, stated: float | None, mass: float) -> Ste
 
 
 def _swivels(robot: RobotDescription, wheel: Joint) -> Iterator[tuple[Joint, Vector, float]]:
-    """The joints with upright axes between a wheel and the root, from the wheel on: where their axes stand in the
-    root's frame, and how far up these point."""
+    """Yield the joints with vertical axes between a wheel and the root, from the wheel up: with the position of their
+    axes in the root's frame, and the vertical component of these."""
     above, poses = {each.child: each for each in robot.joints}, link_poses(robot)
     joint = above.get(wheel.parent)
     while joint is not None:

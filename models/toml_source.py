@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any, Self
 
 TomlKey = str | int
-"""A key, or the index of an element in an array."""
+"""A key, or the index of an array element."""
 
 
 class TomlSource:
     """A TOML text and the name of its file.
 
-    ``set_elsewhere`` are keys whose values are not the file's, with what is named in place of its line.
+    ``set_elsewhere`` are keys whose values do not come from the file, each with a text that replaces its line.
     """
 
     def __init__(self, path: Path, text: str, set_elsewhere: Sequence[tuple[tuple[TomlKey, ...], str]] = ()) -> None:
@@ -24,13 +24,13 @@ class TomlSource:
         self._written: Callable[[tuple[TomlKey, ...]], tuple[TomlKey, ...]] | None = None
 
     def with_written(self, written: Callable[[tuple[TomlKey, ...]], tuple[TomlKey, ...]]) -> Self:
-        """The same text, with keys that follow from others in it: ``written`` tells from which."""
+        """Return the same text with derived keys: ``written`` maps a key to the one in the text."""
         made = type(self)(self.path, self._text, self._set_elsewhere)
         made._written = written
         return made
 
     def location(self, *path: TomlKey) -> str:
-        """``file:line`` of the key at ``path``, or of the nearest table around it; or where else it was set."""
+        """Return ``file:line`` of the key at ``path``, or of the nearest enclosing table; or where else it was set."""
         if self._written is not None:
             path = self._written(path)
         for own, where in reversed(self._set_elsewhere):
@@ -40,7 +40,7 @@ class TomlSource:
 
 
 def key_path(text: str) -> tuple[TomlKey, ...]:
-    """The path that ends msgspec's errors, ``.robot[2].pose.x``, taken apart, as far as keys are named."""
+    """Parse the path at the end of msgspec's errors, ``.robot[2].pose.x``, up to the first unnamed key."""
     steps: list[TomlKey] = []
     for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
         if rest:
@@ -50,9 +50,10 @@ def key_path(text: str) -> tuple[TomlKey, ...]:
 
 
 def line_of(text: str, path: Sequence[TomlKey]) -> int:
-    """The line, from 1, of the key at ``path`` in a valid TOML text; of the nearest part that exists, if it does not.
+    """Return the line, from 1, of the key at ``path`` in a valid TOML text; if it does not exist, of its nearest
+    existing part.
 
-    A table of an array is written as its index: ``("robot", 2, "pose", "x")``.
+    A table of an array is given by its index: ``("robot", 2, "pose", "x")``.
     """
     best, line = 0, 1
     here: tuple[TomlKey, ...] = ()
@@ -74,7 +75,7 @@ def line_of(text: str, path: Sequence[TomlKey]) -> int:
 def _statements(text: str) -> tuple[tuple[int, str, dict[str, Any]], ...]:
     """Line, text and content of each statement: the shortest sequence of lines that is valid TOML.
 
-    Cached, since each robot of a file needs it: with 300 robots, parsing each time took minutes.
+    Cached, since it is needed for each robot of a file: with 300 robots, parsing each time took minutes.
     """
     return tuple(_split(text))
 
@@ -96,7 +97,7 @@ def _split(text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
 
 
 def _header(parsed: dict[str, Any], counts: dict[tuple[TomlKey, ...], int]) -> tuple[TomlKey, ...]:
-    """The path of ``[a.b]`` or ``[[a.b]]``, with the indices of its arrays."""
+    """Return the path of ``[a.b]`` or ``[[a.b]]``, with the indices of its arrays."""
     path: tuple[TomlKey, ...] = ()
     value: Any = parsed
     while value:
@@ -112,7 +113,7 @@ def _header(parsed: dict[str, Any], counts: dict[tuple[TomlKey, ...], int]) -> t
 
 
 def _keys(parsed: dict[str, Any]) -> Iterator[str]:
-    """The keys of an assignment; dotted ones are nested tables with one entry each."""
+    """Yield the keys of an assignment; dotted ones are nested tables with one entry each."""
     (name, value), *_ = parsed.items()
     yield name
     if isinstance(value, dict) and len(value) == 1:
@@ -120,12 +121,12 @@ def _keys(parsed: dict[str, Any]) -> Iterator[str]:
 
 
 def _common_prefix(left: Sequence[TomlKey], right: Sequence[TomlKey]) -> int:
-    """The number of equal leading parts."""
+    """Return the number of equal leading parts."""
     return next((i for i, (a, b) in enumerate(zip(left, right, strict=False)) if a != b), min(len(left), len(right)))
 
 
 def _inline_offset(chunk: str, rest: Sequence[TomlKey]) -> int:
-    """Lines from the start of a statement to the innermost key of ``rest`` in its inline tables."""
+    """Return the lines from the start of a statement to the innermost key of ``rest`` in its inline tables."""
     lines = chunk.splitlines()
     for name in reversed([step for step in rest if isinstance(step, str)]):
         for offset, line in enumerate(lines):

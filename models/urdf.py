@@ -1,4 +1,4 @@
-"""Reads a robot's URDF, from this folder or from anywhere: its links and inertias, its joints and their limits."""
+"""Reads a robot's URDF, built-in or external: its links and inertias, its joints and their limits."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from models.input_file import read_limited
 T = TypeVar("T")
 
 MAX_CHARACTERS = 1 << 20
-"""Characters of a URDF; a longer one is refused unread."""
+"""Maximum length of a URDF; a longer one is refused without parsing."""
 MAX_LINKS = 2000
-"""Links of a robot."""
+"""Maximum number of links of a robot."""
 MAX_DEPTH = 100
-"""Elements within elements, as TinyXML has them at most, by which ROS reads a URDF; seven are usual."""
+"""Maximum nesting of elements, that of TinyXML, with which ROS parses URDFs; seven levels are usual."""
 
 MAX_VALUE = 1e6
-"""Bound of every length, angle and limit in a URDF; a joint's limit that lies beyond it is taken as this one."""
+"""Maximum magnitude of lengths, angles and limits in a URDF; a joint limit beyond it is clamped to it."""
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 SINGLE_DOF = ("revolute", "continuous", "prismatic")
-"""The types of joints whose position is one number, as a JointState has it."""
+"""Joint types with a single position, as in a JointState."""
 
 
 class BadUrdf(BadInput):
-    """A URDF is not one, or describes no tree; the text says what and where."""
+    """A URDF is invalid or does not describe a tree; the text says what and where."""
 
 
 class UrdfElement(ElementTree.Element):
-    """An element that knows its ``line`` in the text."""
+    """An element with its ``line`` in the text."""
 
     line = 0
 
@@ -58,10 +58,10 @@ class Mimic:
 
 @dataclass(frozen=True)
 class JointLimits:
-    """The limits of a joint. rad or m, N m or N, rad/s or m/s; None where the URDF states no limit.
+    """The limits of a joint in rad or m, N m or N, rad/s or m/s; None if not stated in the URDF.
 
-    ``velocity`` may be 0, which Gazebo takes for a limit and most URDFs mean as "unknown". The ``soft`` ones are those
-    of the joint's safety controller.
+    A ``velocity`` of 0 is a limit for Gazebo but means "unknown" in most URDFs. The ``soft`` limits are those of the
+    joint's safety controller.
     """
 
     kind: str
@@ -75,7 +75,7 @@ class JointLimits:
     soft_upper: float | None = None
 
     def clamp(self, position: float) -> float:
-        """The nearest position within the limits."""
+        """Return the nearest position within the limits."""
         low, high = self.lower, self.upper
         return low if low is not None and position < low else high if high is not None and position > high else position
 
@@ -96,13 +96,13 @@ class Joint:
 
     @property
     def single_dof(self) -> bool:
-        """Whether one number is its position, as in a JointState."""
+        """Whether its position is a single number, as in a JointState."""
         return self.kind in SINGLE_DOF
 
     def rotation(self, angle: float = 0.0) -> Rotation:
-        """Quaternion (x, y, z, w) from the parent to the child with the joint turned by ``angle`` [rad].
+        """Return the quaternion (x, y, z, w) from the parent to the child with the joint at ``angle`` [rad].
 
-        URDF's fixed axes: q = q_z(yaw) q_y(pitch) q_x(roll), followed by the turn about the joint's axis.
+        URDF's fixed axes: q = q_z(yaw) q_y(pitch) q_x(roll), followed by the rotation about the joint's axis.
         """
         mount = self._mount
         if not angle:
@@ -117,7 +117,7 @@ class Joint:
         return quaternion_from_rpy(*self.rpy)
 
     def transform(self, position: float = 0.0) -> Pose3:
-        """The pose of the child in the parent, the joint at ``position`` [rad; m if it slides]."""
+        """Return the pose of the child in the parent, with the joint at ``position`` [rad; m if prismatic]."""
         if self.kind != "prismatic" or not position:
             return Pose3(self.xyz, self.rotation(0.0 if self.kind == "prismatic" else position))
         mount = self.rotation()
@@ -137,7 +137,7 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Link:
-    """A link; ``radius`` [m] is that of its first collision sphere, else of its first cylinder, None without."""
+    """A link; ``radius`` [m] is that of its first collision sphere, else of its first cylinder, None without either."""
 
     name: str
     inertia: Inertia
@@ -146,9 +146,9 @@ class Link:
 
 @dataclass(frozen=True)
 class RobotDescription:
-    """A robot: its name, the link that has no parent, all links, and all joints in the order of the URDF.
+    """A robot: its name, its root link, all links, and all joints in the order of the URDF.
 
-    ``warnings`` name what ROS accepts as well, and does nothing with.
+    ``warnings`` list what ROS accepts but ignores.
     """
 
     name: str
@@ -158,7 +158,7 @@ class RobotDescription:
     warnings: tuple[str, ...] = ()
 
     def link_offset(self, link: str) -> Vector:
-        """The origin of ``link`` in the root's frame with all joints at zero, m."""
+        """Return the origin of ``link`` in the root's frame with all joints at zero, m."""
         above = {joint.child: joint for joint in self.joints}
         offset = (0.0, 0.0, 0.0)
         while (joint := above.get(link)) is not None:
@@ -170,27 +170,27 @@ class RobotDescription:
 
 @cache
 def read_robot(name: str) -> RobotDescription:
-    """The robot ``name`` of this folder; raises ``models.UnknownModel``."""
+    """Read the robot ``name``; raises ``models.UnknownModel``."""
     return parse_urdf(urdf_path(name).read_text(encoding="utf-8"))
 
 
 def read_joints(name: str) -> tuple[Joint, ...]:
-    """All joints of the robot ``name`` in the URDF's order; raises ``models.UnknownModel``."""
+    """Return all joints of the robot ``name`` in the URDF's order; raises ``models.UnknownModel``."""
     return read_robot(name).joints
 
 
 def read_joint_limits(name: str) -> dict[str, JointLimits]:
-    """The limits of the movable joints of the robot ``name``, in the URDF's order; raises ``models.UnknownModel``."""
+    """Return the limits of the robot's movable joints, in the URDF's order; raises ``models.UnknownModel``."""
     return {each.name: each.limits for each in read_joints(name) if each.single_dof}
 
 
 def link_offset(name: str, link: str) -> Vector:
-    """The origin of ``link`` in the root frame of the robot ``name`` with all joints at zero, m."""
+    """Return the origin of ``link`` in the root frame of the robot ``name`` with all joints at zero, m."""
     return read_robot(name).link_offset(link)
 
 
 def read_urdf(path: Path) -> str:
-    """The text of a URDF file, in the encoding that it declares; raises BadUrdf."""
+    """Read the text of a URDF file, in its declared encoding; raises BadUrdf."""
     try:
         content = read_limited(path, 4 * MAX_CHARACTERS, "a URDF")
     except BadInput as error:
@@ -206,7 +206,7 @@ def read_urdf(path: Path) -> str:
 
 
 def parse_urdf(urdf: str, file: str = "") -> RobotDescription:
-    """The robot that a URDF describes; raises BadUrdf, whose text begins with ``file`` and the line where one is."""
+    """Parse a URDF; raises BadUrdf, whose text begins with ``file`` and the line if known."""
     robot = parse_xml(urdf, file)
     with located(file):
         links = tuple(_located(_link, each) for each in robot.findall("link"))
@@ -217,13 +217,13 @@ def parse_urdf(urdf: str, file: str = "") -> RobotDescription:
 
 
 def line_of(element: ElementTree.Element) -> int:
-    """The line of an element in the text that it was parsed from; 0 where nobody knows."""
+    """Return the line of an element in the text that it was parsed from; 0 if unknown."""
     return element.line if isinstance(element, UrdfElement) else 0
 
 
 @contextmanager
 def located(file: str) -> Iterator[None]:
-    """Let errors begin with ``file:line:`` instead of ``line N:``; as they are without a file."""
+    """Prefix errors with ``file:line:`` instead of ``line N:``; unchanged without a file."""
     try:
         yield
     except BadUrdf as error:
@@ -242,10 +242,10 @@ def _located(read: Callable[[ElementTree.Element], T], element: ElementTree.Elem
 
 
 def parse_xml(urdf: str, file: str = "") -> ElementTree.Element:
-    """The elements of a URDF, at most MAX_DEPTH deep, so that a walk through them may recurse; raises BadUrdf, whose
+    """Parse the elements of a URDF, at most MAX_DEPTH deep, so that recursion over them is safe; raises BadUrdf, whose
     text begins with ``file``.
 
-    Prefixes of names (``xacro:property``) are part of them, declared or not, as TinyXML has it.
+    Prefixes of names (``xacro:property``) are kept, declared or not, as in TinyXML.
     """
     with located(file):
         return _parse_xml(urdf)
@@ -294,7 +294,7 @@ def _parse_xml(urdf: str) -> ElementTree.Element:
     except UnicodeEncodeError as error:
         raise BadUrdf(f"the URDF is not XML: {error}") from None
     robot = builder.close()
-    if robot.tag == "urdf" and len(robot) == 1:  # a frame around the robot, which joint_state_publisher takes
+    if robot.tag == "urdf" and len(robot) == 1:  # a wrapper around the robot, which joint_state_publisher accepts
         robot = robot[0]
     if robot.tag != "robot":
         raise BadUrdf(f"line {line_of(robot)}: the URDF's root is <{robot.tag[:40]}>, not <robot>")
@@ -324,7 +324,7 @@ def _inertia(element: ElementTree.Element | None, where: str) -> Inertia:
 
 
 def _plain_number(element: ElementTree.Element, attribute: str, where: str) -> float:
-    """A number of any size, 0 where it is not stated."""
+    """Return a finite number of any size, 0 if not stated."""
     text = element.get(attribute, "0")
     try:
         value = float(text)
@@ -388,7 +388,7 @@ def _mimic(element: ElementTree.Element, name: str) -> Mimic:
 
 
 def _axis(element: ElementTree.Element, name: str, kind: str) -> Vector:
-    """The unit vector of the axis; x when there is none or it has no direction."""
+    """Return the unit vector of the axis; x if it is missing or has no direction."""
     if kind in ("fixed", "floating"):
         return 1.0, 0.0, 0.0
     axis = _vector(element, "axis", "xyz", (1.0, 0.0, 0.0), f"joint {name!r}")
@@ -440,7 +440,7 @@ def _number(
 
 
 def _limit(element: ElementTree.Element | None, attribute: str, name: str, default: float | None = 0.0) -> float | None:
-    """A limit within MAX_VALUE: converters write 1e16 or inf for none."""
+    """Return a limit clamped to MAX_VALUE: converters write 1e16 or inf for none."""
     text = element.get(attribute) if element is not None else None
     try:
         value = float(text) if text is not None else 0.0
@@ -452,7 +452,7 @@ def _limit(element: ElementTree.Element | None, attribute: str, name: str, defau
 
 
 def _root(links: list[str], joints: tuple[Joint, ...], lines: Mapping[tuple[str, str], int]) -> str:
-    """The one link that no joint moves; raises BadUrdf when the links are no tree."""
+    """Return the one link without a parent; raises BadUrdf if the links do not form a tree."""
     if not links:
         raise BadUrdf("the URDF has no link")
     if len(links) > MAX_LINKS:
@@ -491,10 +491,10 @@ def _root(links: list[str], joints: tuple[Joint, ...], lines: Mapping[tuple[str,
 
 
 def _resolve_mimics(joints: tuple[Joint, ...]) -> tuple[tuple[Joint, ...], tuple[str, ...]]:
-    """The joints, without mimicry that ROS takes and that moves nothing, and what that was; raises BadUrdf.
+    """Remove mimic tags that ROS accepts but that have no effect; return the joints and warnings. Raises BadUrdf.
 
-    A joint that does not move follows nobody, and one that follows what does not move, or is not there, is told by
-    joint states alone, as by robot_state_publisher.
+    They are those of joints without a single position (fixed, floating, planar), and those that mimic such a joint or a
+    missing one; the latter joints follow joint states only, as in robot_state_publisher.
     """
     own = {each.name: each for each in joints}
     remarks: list[str] = []
@@ -515,7 +515,7 @@ def _resolve_mimics(joints: tuple[Joint, ...]) -> tuple[tuple[Joint, ...], tuple
 
 
 def _check_mimics(joints: Sequence[Joint]) -> None:
-    """Nobody follows himself, not even through others."""
+    """Raise BadUrdf if a joint mimics itself, even indirectly."""
     own = {each.name: each for each in joints}
     for each in joints:
         seen, follower = {each.name}, each
@@ -527,13 +527,13 @@ def _check_mimics(joints: Sequence[Joint]) -> None:
 
 
 class NoWheels(BadInput):
-    """A URDF does not tell what is asked of its wheels; the text says what it has instead."""
+    """A URDF lacks what is needed of its wheels; the text says what it has instead."""
 
 
 @dataclass(frozen=True)
 class WheelPair:
-    """Distance of the joints' origins [m]; radii [m] of the wheels, None where no collision shape tells; how far left
-    of the root's x axis the wheels stand [m]."""
+    """Distance of the joints' origins [m]; radii [m] of the wheels, None without a collision sphere or cylinder;
+    offsets of the wheels to the left of the root's x axis [m]."""
 
     separation: float
     left_radius: float | None
@@ -543,10 +543,10 @@ class WheelPair:
 
 
 def read_wheels(urdf: Path, left: str, right: str) -> WheelPair:
-    """The wheels behind the joints ``left`` and ``right``; raises NoWheels for a joint that there is not.
+    """Return the wheels on the joints ``left`` and ``right``; raises NoWheels for a missing joint.
 
-    As ROS's ``diff_drive_controller`` reads them: the separation is the Euclidean distance between the joints' origins,
-    the radius that of the wheel link's collision sphere or cylinder.
+    As in ROS's ``diff_drive_controller``, the separation is the Euclidean distance between the joints' origins, the
+    radius that of the wheel link's collision sphere or cylinder.
     """
     return _wheels_in(urdf.read_text(encoding="utf-8"), left, right)
 

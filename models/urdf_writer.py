@@ -1,7 +1,7 @@
-"""Writes a foreign robot's URDF twice: as the physics engine takes it, and as the viewer does.
+"""Writes an imported robot's URDF twice: for the physics engine and for the viewer.
 
-Both have the links and joints of the original, in its order and by its names. What strict readers need is spelt out:
-an inertia for each link, limits of each joint, colours beside the shapes that have them.
+Both keep the links and joints of the original, with its order and names. What strict parsers need is added: an inertia
+for each link, limits for each joint, colours inside the visuals that use them.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from models.shapes import GEOMETRIES, LinkShapes, Shape, placed
 from models.urdf import Inertia, Joint, RobotDescription
 
 ROUND = 0.05
-"""Share by which a wheel's shape may differ from a circle, and a wheel may reach above the lowest point of all."""
+"""Relative tolerance of a wheel's shape from a circle, and of its height above the lowest point of all shapes."""
 MAX_TILT = 0.1
-"""Sine of the angle by which a wheel's axis may be off the horizontal; some have camber."""
+"""Sine of the maximum angle between a wheel's axis and the horizontal; some have camber."""
 GREY = (0.7, 0.7, 0.7, 1.0)
 """The colour of a shape without one."""
 
 
 class EngineFiles:
-    """The meshes that the engine reads, written into a folder that will be called ``final`` when they are read."""
+    """Writes the engine's meshes into a folder that will be renamed to ``final`` before they are read."""
 
     def __init__(self, folder: Path, final: Path) -> None:
         self._folder, self._final, self._written = folder, final, 0
@@ -57,18 +57,18 @@ def physics_urdf(
     contacts: Mapping[str, ElementTree.Element],
     files: EngineFiles,
 ) -> tuple[str, tuple[str, ...]]:
-    """The URDF for the engine, and what was assumed.
+    """Return the URDF for the engine, and notes on the assumptions made.
 
-    Each mesh collides as its convex hull. A wheel that stands on the ground rolls as a sphere: measured, a cylinder
-    makes a base up to 3 % faster or slower than commanded. Where nothing of the robot collides, what one sees of it
-    does. Joints that the engine does not have are fixed.
+    Each mesh collides as its convex hull. A wheel on the ground collides as a sphere: measured, a cylinder makes a base
+    up to 3 % faster or slower than commanded. If no link has a collision, the visuals collide. Unsupported joints are
+    fixed.
 
     Args:
         robot: The description.
         shapes: The shapes of its links.
-        inertias: The inertia of each link, of a real body.
+        inertias: The inertia of each link, physically possible.
         contacts: The ``<contact>`` of links that have one, which PyBullet reads.
-        files: Where meshes go.
+        files: Where meshes are written.
     """
     notes = []
     own = {name: each.collisions for name, each in shapes.items()}
@@ -107,10 +107,10 @@ def physics_urdf(
 def viewer_urdf(
     robot: RobotDescription, shapes: Mapping[str, LinkShapes], named: Mapping[str, Path], files: EngineFiles
 ) -> str:
-    """The URDF for the viewer; shapes that collide where nothing is to be seen.
+    """Return the URDF for the viewer; if there are no visuals, the collision shapes are displayed.
 
-    Meshes are the user's files but for DAE, of which the viewer reads some and not their units: these are written anew,
-    with the colours of their materials. ``named`` has the files by the names that the URDF gives them.
+    Meshes are the user's files except DAE, of which the viewer supports only some, without units: they are rewritten
+    with the colours of their materials. ``named`` maps the names of files in the URDF to paths.
     """
     root = ElementTree.Element("robot", name=re.sub(r"\W+", "_", robot.name) or "robot")
     seen = any(each.visuals for each in shapes.values())
@@ -131,10 +131,10 @@ def viewer_urdf(
 def find_wheels(
     robot: RobotDescription, collisions: Mapping[str, Iterable[Shape]]
 ) -> dict[str, tuple[tuple[float, float, float], float]]:
-    """The links that are wheels, each with centre [m, in its frame] and radius of the sphere that stands for it.
+    """Return the wheel links, each with centre [m, in its frame] and radius [m] of the sphere that replaces it.
 
-    A wheel hangs on a continuous joint whose axis is level, is round about it, and reaches the ground: as low as the
-    lowest shape of the robot, with all joints at zero.
+    A wheel is on a continuous joint with a horizontal axis, is circular about it, and touches the ground: it reaches as
+    low as the lowest shape of the robot, with all joints at zero.
     """
     places = link_poses(robot)
     lowest = min((_bottom(shape, places[name]) for name, each in collisions.items() for shape in each), default=0.0)
@@ -157,7 +157,7 @@ def find_wheels(
 
 
 def link_poses(robot: RobotDescription) -> dict[str, Pose3]:
-    """The pose of each link in the root, all joints at zero."""
+    """Return the pose of each link in the root, with all joints at zero."""
     below: dict[str, list[Joint]] = {}
     for joint in robot.joints:
         below.setdefault(joint.parent, []).append(joint)
@@ -170,8 +170,8 @@ def link_poses(robot: RobotDescription) -> dict[str, Pose3]:
 
 
 def extents(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> tuple[float, float, float]:
-    """How far the robot reaches from the root's z axis, its lowest point and its highest, m, all joints at zero; the
-    lowest is that of what collides. Zeros without shapes."""
+    """Return the robot's extent from the root's z axis, its lowest and its highest point [m], with all joints at zero;
+    the lowest is that of the collision shapes. Zeros without shapes."""
     places, colliding = link_poses(robot), any(each.collisions for each in shapes.values())
     reach, high, low = 0.0, 0.0, math.inf
     for name, each in shapes.items():
@@ -189,7 +189,7 @@ def _bottom(shape: Shape, place: Pose3) -> float:
 
 
 def _round_about(shape: Shape, axis: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """The centre and the radius of a shape that is a circle about an axis; None for another."""
+    """Return centre and radius of a shape that is circular about an axis; None for any other."""
     points = shape.points
     along = points @ axis
     one = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.9 else (0.0, 1.0, 0.0))
@@ -213,7 +213,7 @@ def _round_about(shape: Shape, axis: np.ndarray) -> tuple[np.ndarray, float] | N
 
 
 def _hull(mesh: Mesh) -> Mesh:
-    """Triangles through the points that span the hull; the engine takes the hull of their corners."""
+    """Return triangles through the points that span the hull; the engine computes the hull of their vertices."""
     points = hull_points(mesh)
     index = np.arange(3 * math.ceil(len(points) / 3)) % len(points)
     return Mesh(points, index.reshape(-1, 3).astype(np.int32))
@@ -232,7 +232,7 @@ def _add_shape(link: ElementTree.Element, tag: str, shape: Shape, file: str, col
     _add_origin(element, shape.pose.position, shape.rpy)
     geometry = ElementTree.SubElement(element, "geometry")
     if shape.kind == "mesh":
-        # The engine's meshes are scaled already; the viewer's are the originals.
+        # The engine's meshes are already scaled; the viewer's are the originals.
         scale = {"scale": _numbers(shape.size)} if file == shape.file else {}
         ElementTree.SubElement(geometry, "mesh", {"filename": file, **scale})
     elif shape.kind == "box":

@@ -1,4 +1,4 @@
-"""The wheels of a robot as its joints and shapes have them."""
+"""The wheels of a robot, from its joints and shapes."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from models.urdf import Joint, RobotDescription
 from models.urdf_writer import link_poses
 
 TOUCHES = 0.01
-"""m; what is not higher above a robot's lowest point than this can touch the ground."""
+"""Height [m] above a robot's lowest point up to which a part can touch the ground."""
 ENDLESS = 1000.0
-"""rad; a revolute joint with more room than this is meant to be continuous."""
+"""Range [rad] above which a revolute joint counts as continuous."""
 
 ROLL_DIRECTIONS = 24
-"""In which a wheel is measured around its axle."""
+"""Number of directions around its axle in which a wheel is measured."""
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheel: its joint, the link that has its shapes, the middle of its axle in that link's frame (``centre``) and
-    in the root's (``place``) [m], the axle's unit vector in either (``axle``, ``direction``), radius and width [m], 0
-    where no shape tells."""
+    """A wheel: its joint, the link with its shapes, the centre of its axle in that link's frame (``centre``) and in the
+    root's (``place``) [m], the axle's unit vector in both (``axle``, ``direction``), radius and width [m], 0 without
+    shapes."""
 
     joint: str
     link: str
@@ -38,8 +38,8 @@ class Wheel:
 
 
 def read_wheel(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint: Joint) -> Wheel:
-    """The wheel on a joint, as its shapes have it: the child, or the link that reaches farthest from the axle of those
-    that fixed joints hold to it, as a tyre on a hub. What collides counts before what is only seen."""
+    """Return the wheel on a joint, from its shapes: those of the child, or of the link fixed to it that extends
+    farthest from the axle, e.g. a tyre on a hub. Collision shapes take precedence over visuals."""
     held = {joint.child: Pose3()}
     pending = [joint.child]
     for link in pending:
@@ -53,7 +53,7 @@ def read_wheel(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint:
 
 
 def _wheel_of(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint: Joint, link: str, held: Pose3) -> Wheel:
-    """What the shapes of ``link`` are as a wheel; ``held`` is its pose in the frame of the joint's child."""
+    """Return the wheel with the shapes of ``link``; ``held`` is its pose in the frame of the joint's child."""
     solid = shapes.get(link, LinkShapes()).any
     flat = _across(joint.axis)
     reach = [_reach(solid, held, _combine(flat, math.tau * each / ROLL_DIRECTIONS)) for each in range(ROLL_DIRECTIONS)]
@@ -74,14 +74,14 @@ def _wheel_of(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint: 
 
 
 def turns_for_ever(joint: Joint) -> bool:
-    """Whether a joint has no limit worth the name."""
+    """Whether a joint is continuous, or revolute with a range above ENDLESS."""
     low, high = joint.limits.lower, joint.limits.upper
     endless = low is not None and high is not None and high - low > ENDLESS
     return joint.kind == "continuous" or (joint.kind == "revolute" and endless)
 
 
 def rolling_joints(robot: RobotDescription) -> list[Joint]:
-    """The joints that turn for ever about an axle that lies across: what wheels turn on, driven or not."""
+    """Return the continuous joints with a horizontal axis, on which wheels turn, driven or not."""
     poses = link_poses(robot)
     return [
         joint
@@ -95,7 +95,7 @@ def _reach(shapes: Iterable[Shape], frame: Pose3, direction: Vector) -> float:
 
 
 def _across(axis: Vector) -> tuple[Vector, Vector]:
-    """Two unit vectors at right angles to a unit vector and to each other."""
+    """Return two unit vectors perpendicular to a unit vector and to each other."""
     least = min(range(3), key=lambda each: abs(axis[each]))
     other = [0.0, 0.0, 0.0]
     other[least] = 1.0

@@ -1,4 +1,4 @@
-"""Worlds without robots, by name or path: the ground, and the bodies that stand, lie or move on it."""
+"""Worlds without robots, by name or path: the ground, and the fixed, movable and moving bodies on it."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from models.bodies import WorldDescription as WorldDescription
 
 
 def read_world(name: str, base: Path | None = None, packages: Sequence[Path] = ()) -> WorldDescription:
-    """A world by its name, or by the path of a file.
+    """Read a world by its name or the path of its file.
 
     Args:
-        name: One of ``models.WORLDS``; or a path, which has a slash or one of the endings ``.toml``, ``.sdf``,
+        name: One of ``models.WORLDS``; or a path, which has a slash or one of the extensions ``.toml``, ``.sdf``,
             ``.world``, ``.yaml`` or ``.yml``, of a world, an SDF, or the ``map.yaml`` of a floor plan.
-        base: The folder that relative paths count from; the working folder by default.
-        packages: Folders to look for ``package://`` and ``model://`` in.
+        base: The folder that relative paths are relative to; the working directory by default.
+        packages: Folders in which ``package://`` and ``model://`` are searched for.
 
     Raises:
-        models.UnknownModel: no world has this name.
-        BadWorld: the file, or one that it names, cannot be read.
+        models.UnknownModel: No world has this name.
+        BadWorld: The file, or one that it refers to, cannot be read.
     """
-    from models.world_file import read_world_file  # with numpy and Pillow, which most commands do without
+    from models.world_file import read_world_file  # with numpy and Pillow, which most commands do not need
 
     return read_world_file(find_world(name, base), packages)
 
 
 def find_world(name: str, base: Path | None = None) -> Path:
-    """The file of a world; raises ``models.UnknownModel``, or BadWorld where a path leads nowhere."""
+    """Return the file of a world; raises ``models.UnknownModel``, or BadWorld if the path does not exist."""
     if not is_world_file(name):
         return world_path(name)
     path = (base or Path()) / Path(name).expanduser()

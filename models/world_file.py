@@ -1,4 +1,4 @@
-"""Reads the files of worlds: TOML of this project's, and by their endings SDF and ``map.yaml``."""
+"""Reads world files: this project's TOML and, by their extensions, SDF and ``map.yaml``."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ from models.toml_source import TomlSource, key_path
 from models.world_meshes import WorldMeshes
 
 MAX_BYTES = 8 << 20
-"""Of a world's TOML file; a box takes about 100."""
+"""Maximum size of a world's TOML file [bytes]; a box takes about 100."""
 MAX_POINTS = 10_000
-"""Points of all paths of a world."""
+"""Maximum number of points in all paths of a world."""
 
 COLOURS: dict[str, Colour] = {
     "white": (1.0, 1.0, 1.0, 1.0),
@@ -77,7 +77,7 @@ class WorldTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class PathKeys(WorldTable, frozen=True, kw_only=True):
-    """How something moves by itself."""
+    """Motion of a body along a path."""
 
     path: tuple[Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=3)], ...] = ()
     speed: Annotated[float, Meta(ge=1e-4, le=100, extra={"unit": "m/s"})] = 0.5
@@ -87,7 +87,7 @@ class PathKeys(WorldTable, frozen=True, kw_only=True):
 
 
 class BodyKeys(PathKeys, frozen=True, kw_only=True, tag_field="shape"):
-    """What every body may state, whatever its shape."""
+    """The keys common to all bodies."""
 
     name: Annotated[str, Meta(min_length=1, max_length=255)]
     position: Position | None = None
@@ -107,7 +107,7 @@ class BoxKeys(BodyKeys, frozen=True, kw_only=True, tag="box"):
 
 
 class CylinderKeys(BodyKeys, frozen=True, kw_only=True, tag="cylinder"):
-    """A cylinder, upright unless it is turned."""
+    """A cylinder, upright unless rotated."""
 
     radius: Extent
     length: Extent
@@ -126,7 +126,7 @@ class RampKeys(BodyKeys, frozen=True, kw_only=True, tag="ramp"):
 
 
 class MeshKeys(BodyKeys, frozen=True, kw_only=True, tag="mesh"):
-    """A mesh from a file, STL, OBJ or DAE."""
+    """A mesh from an STL, OBJ or DAE file."""
 
     file: str
     scale: Scale | Annotated[tuple[Scale, ...], Meta(min_length=3, max_length=3)] = 1.0
@@ -134,7 +134,7 @@ class MeshKeys(BodyKeys, frozen=True, kw_only=True, tag="mesh"):
 
 
 class HeightMapKeys(BodyKeys, frozen=True, kw_only=True, tag="height_map"):
-    """Ground whose height is given by a picture, from black at the first to white at the second of ``height``."""
+    """Ground with heights from an image: black at the first value of ``height``, white at the second."""
 
     image: str
     resolution: Annotated[float, Meta(gt=0, le=1000, extra={"unit": "m"})]
@@ -146,7 +146,7 @@ _SHAPES = ("box", "cylinder", "sphere", "ramp", "mesh", "height_map")
 
 
 class LightKeys(WorldTable, frozen=True, kw_only=True):
-    """A light; ``type`` and ``position`` are taken for completeness."""
+    """A light; ``type`` and ``position`` are accepted but have no effect."""
 
     name: str = ""
     type: Literal["directional", "point", "spot"] = "directional"
@@ -174,7 +174,7 @@ _BODIES: dict[str, type[msgspec.Struct]] = dict(
 
 
 def read_world_file(path: Path, packages: Sequence[Path] = ()) -> WorldDescription:
-    """The world in a file; raises BadWorld."""
+    """Read the world in a file; raises BadWorld."""
     match path.suffix.lower():
         case ".toml":
             return check_world(_read_toml(path), str(path))
@@ -190,7 +190,7 @@ def read_world_file(path: Path, packages: Sequence[Path] = ()) -> WorldDescripti
 
 
 def _is_xml(path: Path) -> bool:
-    """Whether a file is XML by its text: Gazebo takes a world of any name."""
+    """Whether a file is XML by its content, since Gazebo accepts worlds with any extension."""
     try:
         with path.open("rb") as file:
             return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
@@ -199,7 +199,7 @@ def _is_xml(path: Path) -> bool:
 
 
 def check_world(world: WorldDescription, where: str) -> WorldDescription:
-    """The world, if it is within the limits; raises BadWorld."""
+    """Return the world if it is within the limits; raises BadWorld."""
     parts = len(world.boxes) + sum(len(body.parts) for body in world.bodies)
     if parts > MAX_PARTS:
         raise BadWorld(f"{where}: the world has {parts:,} shapes, the limit is {MAX_PARTS:,}")
@@ -225,14 +225,14 @@ def _read_toml(path: Path) -> WorldDescription:
 
 
 def _check_counts(path: Path, tree: dict[str, Any]) -> None:
-    """Refuse too many bodies before each is looked at."""
+    """Raise BadWorld for too many bodies before any is converted."""
     for key in ("boxes", "bodies", "obstacles"):
         if isinstance(rows := tree.get(key), list) and len(rows) > MAX_PARTS:
             raise BadWorld(f"{path}: [[{key}]] has {len(rows):,} entries, the limit of a world is {MAX_PARTS:,}")
 
 
 class _TomlWorld:
-    """A TOML file on its way to a world: every error begins with the file and the line of its key."""
+    """Converts a TOML file to a world: every error begins with the file and the line of its key."""
 
     def __init__(self, path: Path, text: str, tree: dict[str, Any]) -> None:
         self._source, self._tree, self._folder = TomlSource(path, text), tree, path.parent
@@ -339,7 +339,7 @@ class _TomlWorld:
                 seen[entry.name] = f"{self._source.path}: [[{key}]] {index + 1}"
 
     def _located(self, error: str) -> BadWorld:
-        """msgspec's error with the line of its path, and the alternatives for an unknown key or shape."""
+        """Return msgspec's error with the line of its path, and the alternatives for an unknown key or shape."""
         text, _, where = error.partition(" - at `$")
         path = key_path(where.rstrip("`"))
         if found := re.search(r"unknown field `(.*?)`", text):
@@ -368,7 +368,7 @@ class _TomlWorld:
 
 
 def _resting_height(shape: Shape) -> float:
-    """The height of a shape's origin at which it stands upright on the ground."""
+    """Return the height of a shape's origin [m] at which it stands upright on the ground."""
     match shape:
         case BoxShape((_, _, z)) | RampShape((_, _, z)):
             return z / 2

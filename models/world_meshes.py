@@ -1,4 +1,4 @@
-"""The meshes and height maps of one world, each file read once, and bounded together."""
+"""The meshes and height maps of one world, each file read once, with common limits."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from models.height_map import read_heights
 from models.mesh import Mesh, read_mesh
 
 MAX_TRIANGLES = 2_000_000
-"""Of all meshes of a world, counted each time that one is used; they take 0.4 GB."""
+"""Maximum number of triangles of all meshes of a world, counting repeated use; they take 0.4 GB."""
 MAX_SAMPLES = 4_000_000
-"""Of all height maps of a world."""
+"""Maximum number of pixels of all height maps of a world."""
 
 
 class WorldMeshes:
-    """Reads the meshes and height maps that a world's file names."""
+    """Reads the meshes and height maps that a world's file refers to."""
 
     def __init__(self) -> None:
         self._meshes: dict[Path, Mesh] = {}
@@ -25,7 +25,7 @@ class WorldMeshes:
         self._triangles = self._samples = 0
 
     def mesh(self, file: Path, scale: Vector, convex: bool = False) -> MeshShape:
-        """The mesh in a file, scaled; raises BadInput."""
+        """Return the mesh in a file, scaled; raises BadInput."""
         if 0 in scale:
             raise BadInput("a mesh cannot be scaled by 0")
         if file not in self._meshes:
@@ -41,8 +41,8 @@ class WorldMeshes:
     def height_map(
         self, file: Path, height: tuple[float, float], size: tuple[float, float] | None, resolution: float = 1.0
     ) -> HeightMapShape:
-        """The height map in a picture, see ``models.height_map``; it covers ``size`` [m], or has ``resolution`` [m]
-        from pixel to pixel. Raises BadInput."""
+        """Return the height map in an image, see ``models.height_map``; it covers ``size`` [m], or has ``resolution``
+        [m] per pixel. Raises BadInput."""
         shape = read_heights(file, height)
         rows, columns = shape.heights.shape
         self._samples += rows * columns

@@ -1,6 +1,7 @@
-"""Expands one xacro in a process of its own: a request as JSON on stdin, the URDF or the error as JSON on stdout.
+"""Expands one xacro in a separate process: reads a JSON request from stdin, writes the URDF or the error as JSON to
+stdout.
 
-Not imported: ``models.xacro_file`` runs it, with bounds on memory and time.
+Not imported: ``models.xacro_file`` runs it, with limits on memory and time.
 """
 
 from __future__ import annotations
@@ -30,21 +31,21 @@ _OLD_TAGS = {
     "if": ("value",),
     "unless": ("value",),
 }
-"""Tags that xacro once took without its prefix, with the attributes that tell them from others of the name."""
+"""Tags that xacro once accepted without its prefix, with the attributes that distinguish them from others."""
 _URDF_TAGS = (
     "robot link joint visual collision inertial geometry box cylinder sphere capsule mesh origin material color "
     "texture inertia mass parent child axis limit dynamics mimic safety_controller calibration transmission actuator "
     "gazebo sensor plugin camera ray"
 )
-"""Tags that are no calls of macros, even where a macro has the name."""
+"""Tags that are not macro calls, even if a macro has the name."""
 
 
 def main() -> None:
-    """Read the request, answer it."""
+    """Read the request and write the answer."""
     request = json.load(sys.stdin)
     resource.setrlimit(resource.RLIMIT_AS, (request["memory"], request["memory"]))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # At the limit comes SIGXCPU; who survives that is killed a second later.
+    # At the limit, SIGXCPU is sent; a process that survives it is killed a second later.
     resource.setrlimit(resource.RLIMIT_CPU, (request["time"], request["time"] + 1))
     answers, sys.stdout = sys.stdout, sys.stderr
     _find_packages(request)
@@ -63,7 +64,7 @@ def main() -> None:
 
 
 def _find_packages(request: dict[str, Any]) -> None:
-    """Let ``$(find NAME)`` and ``$(find-pkg-share NAME)`` look where meshes are looked for, without ROS."""
+    """Make ``$(find NAME)`` and ``$(find-pkg-share NAME)`` search where meshes are searched for, without ROS."""
     packages = PackagePath(tuple(map(Path, request["packages"])))
 
     def find(name: str) -> str:
@@ -77,7 +78,7 @@ def _find_packages(request: dict[str, Any]) -> None:
 
 
 def _track_lines() -> None:
-    """Let each element know its file and line, copies of it too."""
+    """Attach file and line to each element and its copies."""
     builder: Any = expatbuilder.Namespaces
     dom: Any = minidom
     start, clone = builder.start_element_handler, dom._clone_node
@@ -97,7 +98,7 @@ def _track_lines() -> None:
 
 
 def _take_old_names() -> None:
-    """Take xacro's tags and calls of macros without the prefix ``xacro:``, as it did up to ROS Melodic."""
+    """Accept xacro's tags and macro calls without the prefix ``xacro:``, as xacro did up to ROS Melodic."""
     foreign: Any = xacro
     parse, call = foreign.parse, foreign.handle_macro_call
 
@@ -118,7 +119,7 @@ def _take_old_names() -> None:
 
 
 def _place(error: BaseException, file: str) -> str:
-    """File and line of the element that was being expanded."""
+    """Return file and line of the element that was being expanded."""
     found = file
     for frame, _ in traceback.walk_tb(error.__traceback__):
         for name in ("node", "elt", "tag"):

@@ -1,7 +1,7 @@
-"""Expands xacro files by the package ``xacro``, in a child process with bounds on time and memory.
+"""Expands xacro files with the package ``xacro``, in a child process with limits on time and memory.
 
-A xacro is code: it evaluates expressions, reads files and the environment. Only what the user himself names is
-expanded, nothing that comes over the network.
+A xacro is code: it evaluates expressions and reads files and the environment. Only files named by the user are
+expanded, never anything received over the network.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from pathlib import Path
 from messages.errors import BadInput
 
 MAX_TIME_S = 20
-"""Processor time after which an expansion is ended; the largest published robots take 2 s."""
+"""Maximum processor time of an expansion [s]; the largest published robots take 2 s."""
 MAX_WAIT_S = 300.0
-"""Wall time likewise: a busy machine may be slow, and a xacro may wait for a file that never ends."""
+"""Maximum wall time [s], likewise: a busy machine may be slow, and a xacro may read a file that never ends."""
 MAX_MEMORY = 2 << 30
-"""Bytes of address space of the child."""
+"""Maximum address space of the child [bytes]."""
 
 _CHILD = Path(__file__).with_name("xacro_child.py")
 _ROOT = Path(__file__).resolve().parent.parent
 
 XacroValue = str | float | int | bool
-"""A value of an argument."""
+"""Value of a xacro argument."""
 
 
 class BadXacro(BadInput):
@@ -41,14 +41,14 @@ def expand_xacro(
     max_time: int = MAX_TIME_S,
     max_wait: float = MAX_WAIT_S,
 ) -> str:
-    """The URDF that a xacro makes; raises BadXacro.
+    """Expand a xacro to a URDF; raises BadXacro.
 
     Args:
         path: The xacro.
         args: Values of its ``<xacro:arg>``.
-        packages: Folders of packages for ``$(find NAME)``, beside those of ``models.packages``.
-        max_time: Processor time, s.
-        max_wait: Wall time, s.
+        packages: Folders of packages for ``$(find NAME)``, in addition to those of ``models.packages``.
+        max_time: Maximum processor time [s].
+        max_wait: Maximum wall time [s].
     """
     request = {
         "file": os.path.abspath(path),

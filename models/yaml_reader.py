@@ -14,17 +14,17 @@ if TYPE_CHECKING:
 
 
 def read_yaml(text: str, where: str = "") -> Any:
-    """One YAML or JSON value. ``1e-3`` is a number, as everywhere but in YAML 1.1, and no key may be given twice.
+    """Parse one YAML or JSON value. ``1e-3`` is a number, unlike in YAML 1.1, and duplicate keys are refused.
 
-    It uses PyYAML's parser in Python. The one in C is five times as fast (0.06 s, not 0.3 s, for the metadata of a bag
-    with 1,000 topics), but crashes the process on a text that is nested a million levels deep.
+    It uses PyYAML's pure Python parser. The one in C is five times as fast (0.06 s, not 0.3 s, for the metadata of a
+    bag with 1,000 topics), but crashes the process on a text that is nested a million levels deep.
 
     Args:
         text: The value.
-        where: The file it is from, for errors; by default they quote the text.
+        where: Its file, for errors; by default they quote the text.
 
     Raises:
-        BadInput: The text is not YAML; it says where.
+        BadInput: The text is not YAML; the error says where.
     """
     import yaml
 
@@ -40,7 +40,7 @@ def _loader() -> type[yaml.SafeLoader]:
     import yaml
 
     class Loader(yaml.SafeLoader):
-        """As ``yaml.SafeLoader``, with the numbers of JSON; refuses a key that is given twice."""
+        """Like ``yaml.SafeLoader``, with JSON's number syntax; refuses duplicate keys."""
 
         def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
             seen = set()
@@ -58,15 +58,15 @@ def _loader() -> type[yaml.SafeLoader]:
 
 
 class YamlSource:
-    """A YAML text and the name of its file, for errors that name the line of a key, as ``TomlSource`` does for TOML."""
+    """A YAML text and the name of its file, for errors with the line of a key, as ``TomlSource`` for TOML."""
 
     def __init__(self, path: Path, text: str) -> None:
         self.path, self._text = path, text
 
     def location(self, *keys: str | int) -> str:
-        """``file:line`` of the key at ``keys`` in a valid text, or of the nearest key around it.
+        """Return ``file:line`` of the key at ``keys`` in a valid text, or of the nearest enclosing key.
 
-        Keys may be written as one with dots between them, as ROS 2 takes them.
+        Nested keys may be written as one with dots, as in ROS 2.
         """
         import yaml
 

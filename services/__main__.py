@@ -19,7 +19,7 @@ Services: {", ".join(service_kinds())}; {CONTAINER} runs several nodes in one pr
 
 
 def run(arguments: list[str]) -> None:
-    """Run the service that the first argument names with the others; ends the process."""
+    """Run the service named by the first argument with the other arguments as options; ends the process."""
     if not arguments or arguments[0] in ("-h", "--help"):
         (sys.stdout if arguments else sys.stderr).write(USAGE)
         sys.exit(0 if arguments else 2)

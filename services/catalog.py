@@ -1,4 +1,4 @@
-"""The declarations of services, without running them: of this folder, of Python files of the user, of ROS scripts."""
+"""Service declarations, loaded without running the services: of this folder, of user Python files, of ROS scripts."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from services.script.inspect_script import Api, inspect_script, legal_node_name
 _FOLDER = Path(__file__).parent
 
 SCRIPT_RATE = 100.0
-"""Hz at which a script takes part in simulation time: its sleeps end at the first of these ticks."""
+"""Rate [Hz] at which a script follows simulation time: its sleeps end at the first of these ticks."""
 
 NO_ROS2 = "programs of ROS 2 are not run yet, those of ROS 1 (rospy) are; services.runtime has Elea's own interface"
-"""Why a file with rclpy is refused."""
+"""Error text for a file that uses rclpy."""
 
 
 def service_kinds() -> tuple[str, ...]:
-    """The names of all services: the folders beside this file that have a loop."""
+    """Return the names of all services: the folders beside this file that contain ``loop.py``."""
     return tuple(sorted(each.parent.name for each in _FOLDER.glob("*/loop.py")))
 
 
 def load_named_service(kind: str, where: str = "") -> Service:
-    """The declaration of a service; raises BadInput, with the nearest name, behind the place ``where``."""
+    """Load the declaration of a service; raises BadInput, with the nearest name, prefixed by the place ``where``."""
     if kind not in service_kinds():
         raise unknown_name("service", kind, service_kinds(), where)
     service = importlib.import_module(f"services.{kind}").SERVICE
@@ -36,24 +36,25 @@ def load_named_service(kind: str, where: str = "") -> Service:
 
 
 def is_user_file(kind: str) -> bool:
-    """Whether a fleet's ``kind`` is a file instead of a name: a script of ROS may lack the suffix, but not a folder."""
+    """Whether a fleet's ``kind`` is a file rather than a service name: it ends in .py or contains a slash, since ROS
+    scripts may lack the suffix."""
     return kind.endswith(".py") or "/" in kind
 
 
 def is_script(kind: str) -> bool:
-    """Whether a fleet's ``kind`` is a program written for ROS 1, which ``services.script`` runs."""
+    """Whether a fleet's ``kind`` is a ROS 1 program, which ``services.script`` runs."""
     return is_user_file(kind) and script_api(kind) == "ros1"
 
 
 def script_api(file: str) -> Api:
-    """The ROS that a Python file is written for; "" for a service of our own. Raises BadInput."""
+    """Return the ROS API that a Python file uses; "" for a service of our own. Raises BadInput."""
     return _script_service(file)[0]
 
 
 def load_service(kind: str, where: str = "") -> Service:
-    """The declaration of a service, or of that in a Python file of the user's own; of a ROS script, by its text.
+    """Load the declaration of a service, of one in a user's Python file, or for a ROS script, derived from its text.
 
-    Raises BadInput, with the nearest name, behind the place ``where``.
+    Raises BadInput, with the nearest name, prefixed by the place ``where``.
     """
     if is_user_file(kind):
         try:
@@ -67,7 +68,7 @@ def load_service(kind: str, where: str = "") -> Service:
 
 
 def load_component(kind: str) -> Service:
-    """The service of a node that shares its process; the folder of a user's file stays on the path. Raises BadInput."""
+    """Load the service of a node in a shared process; adds a user file's folder to ``sys.path``. Raises BadInput."""
     service = load_service(kind)
     if is_script(kind):
         raise BadInput(f"{kind} is a program of ROS 1: it needs a process of its own")

@@ -1,6 +1,6 @@
-"""Records as CDR, the serialisation of ROS 2, and their types as ROS 2 writes them (``ros2msg``).
+"""CDR, the serialisation of ROS 2, for records, and their type definitions as ROS 2 writes them (``ros2msg``).
 
-What ROS 2 has no type for is written as follows:
+Values without a ROS 2 type are written as follows:
 
 ========================================  ==========================================================================
 in a record                               in CDR

@@ -1,4 +1,4 @@
-"""Definitions of ROS 2 message types: parsed from the text of a bag, written as text, derived from records.
+"""Definitions of ROS 2 message types: parsed from the schemas of a bag, written as text, derived from records.
 
 A record of a standard type has ROS 2's own definition (``messages/interfaces``); a test compares the hash of each with
 that of an independent library. ``rosbags`` could parse the text, but it has no limits for hostile definitions, takes
@@ -27,7 +27,7 @@ from messages.interfaces.definition import (
 DEEPEST = 16
 """Maximum levels of nested types; ROS has five."""
 LARGEST_LEAST = 1 << 26
-"""Maximum bytes of the smallest message of a type, since its reader makes a value of each field."""
+"""Maximum size [bytes] of the smallest message of a type, since decoding creates a value for each field."""
 
 SEPARATOR = "=" * 80
 
@@ -35,7 +35,7 @@ _TIME = "int32 sec\nuint32 nanosec"
 
 
 def parse(name: str, text: str) -> Definitions:
-    """The type ``name`` and all types that it uses, from the text of an MCAP schema; raises BadDefinition.
+    """Parse the type ``name`` and all types that it uses from the text of an MCAP schema; raises BadDefinition.
 
     The definitions of the other types follow lines of ``=``, each under ``MSG: package/Type``.
     """
@@ -56,25 +56,25 @@ def parse(name: str, text: str) -> Definitions:
 
 
 def fields_in(owner: str, lines: list[str]) -> tuple[Field, ...]:
-    """The fields in the lines of the type ``owner``, as ROS 2 has them; raises BadDefinition."""
+    """Parse the lines of the type ``owner`` to its fields in ROS 2's form; raises BadDefinition."""
     return ros2_form(parse_lines(owner, enumerate(lines, 1), owner)).fields
 
 
 def long_type_name(name: str) -> str:
-    """``geometry_msgs/msg/Pose`` for ``geometry_msgs/Pose``; names such as ``pkg/srv/X_Request`` stay."""
+    """Return ``geometry_msgs/msg/Pose`` for ``geometry_msgs/Pose``; names like ``pkg/srv/X_Request`` are unchanged."""
     package, slash, own = name.partition("/")
     return f"{package}/msg/{own}" if slash and "/" not in own else name
 
 
 def minimum_size(name: str, definitions: Definitions) -> int:
-    """Bytes of the smallest value of a type without alignment, at least one."""
+    """Return the size [bytes] of the smallest value of a type without alignment, at least 1."""
     if name in SIZES:
         return SIZES[name][1]
     return 4 if name == "string" else _minimum_size(name, definitions, {})
 
 
 def text_of(name: str, definitions: Definitions) -> str:
-    """The text of a type and all types that it uses, as ``parse`` reads it."""
+    """Return the text of a type and all types that it uses, in the format of ``parse``."""
     parts = []
     for each in closure(name, definitions):
         head = "" if each == name else f"MSG: {each}\n"
@@ -83,7 +83,7 @@ def text_of(name: str, definitions: Definitions) -> str:
 
 
 def closure(name: str, definitions: Definitions) -> list[str]:
-    """A type and all types that it uses, in the order of first use."""
+    """List a type and all types that it uses, in order of first use."""
     met = [name]
     for each in met:
         met += [kind for kind in dict.fromkeys(f.type for f in definitions[each]) if _complex(kind) and kind not in met]
@@ -95,7 +95,7 @@ def _complex(kind: str) -> bool:
 
 
 def _check(name: str, definitions: Definitions, above: tuple[str, ...], depths: dict[str, int]) -> int:
-    """Check a type once, however often it is used, and return its levels; raises BadDefinition."""
+    """Check a type, once however often it is used, and return its number of nested levels; raises BadDefinition."""
     if name in above or len(above) + depths.get(name, 0) > DEEPEST:
         raise BadDefinition(f"{name} holds itself, or types lie more than {DEEPEST} deep")
     if name in depths:
@@ -135,9 +135,9 @@ _WIDTHS = (("uint8", 0, 2**8 - 1), ("uint32", 0, 2**32 - 1), ("int32", -(2**31),
 
 @cache
 def definitions(record: type[Message]) -> Definitions:
-    """The type of a record and all types that it uses, by name."""
+    """Return the type of a record and all types that it uses, by name."""
     own: Definitions | None = getattr(record, "DEFINITIONS", None)
-    if own is not None:  # it was made of them
+    if own is not None:  # the record was generated from these definitions
         return {name: own[name] for name in closure(record.ROS_TYPE, own)}
     found: dict[str, tuple[Field, ...]] = {}
     _derive(record, found)
@@ -146,30 +146,30 @@ def definitions(record: type[Message]) -> Definitions:
 
 @cache
 def _standard() -> Catalogue:
-    """The standard packages alone, without those of a workspace."""
+    """Return the standard packages alone, without those of a workspace."""
     return Catalogue()
 
 
 @cache
 def fields_of(record: type[Message]) -> dict[str, kinds.Field]:
-    """The fields of a record by their names on the wire."""
+    """Return the fields of a record by their names on the wire."""
     info = kinds.type_info(record)
     assert isinstance(info, kinds.StructType)
     return {field.encode_name: field for field in info.fields}
 
 
 def unwrap(kind: kinds.Type) -> kinds.Type:
-    """A field's type without unit and description."""
+    """Return a field's type without its metadata (unit, description)."""
     return unwrap(kind.type) if isinstance(kind, kinds.Metadata) else kind
 
 
 def record_of(kind: kinds.Type) -> type[Message] | None:
-    """The record class of a field that holds a record, else None."""
+    """Return the record class of a field that holds a record, else None."""
     return kind.cls if isinstance(kind, kinds.StructType) and issubclass(kind.cls, Message) else None
 
 
 def optional(kind: kinds.Type) -> kinds.Type | None:
-    """``X`` of ``X | None``; None for every other type."""
+    """Return ``X`` for ``X | None``, None for every other type."""
     if isinstance(kind, kinds.UnionType) and len(kind.types) == 2:
         rest = [each for each in kind.types if not isinstance(each, kinds.NoneType)]
         return unwrap(rest[0]) if len(rest) == 1 else None
@@ -177,7 +177,7 @@ def optional(kind: kinds.Type) -> kinds.Type | None:
 
 
 def anything(kind: kinds.Type) -> bool:
-    """Whether a field holds a parameter's value, whose type is only known on arrival."""
+    """Whether a field holds a parameter's value, whose type is known only at run time."""
     return isinstance(kind, kinds.UnionType) and optional(kind) is None and not packed(kind)
 
 

@@ -1,4 +1,4 @@
-"""Decodes CDR to records or plain values, by readers that are composed once for each type and encapsulation."""
+"""Decodes CDR to records or plain values, with readers that are composed once for each type and encapsulation."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from messages.interfaces.definition import SIZES, Definitions, Field
 M = TypeVar("M", bound=Message)
 
 Read = Callable[[bytes, int], tuple[Any, int]]
-"""Reads the value at an offset; returns it and the offset of the next one."""
+"""Reads the value at an offset; returns it and the offset after it."""
 
 LARGEST_READ = 1 << 26
-"""Maximum bytes of a message to decode; each of its numbers takes 8 to 32 bytes of memory."""
+"""Maximum size [bytes] of a message to decode; each of its numbers takes 8 to 32 bytes of memory."""
 
 
 class Encoding(NamedTuple):
     """The layout of values in an encapsulation, from OMG's RTPS 2.5 (10.5) and DDS-XTypes 1.3 (7.4.3).
 
     ``order`` is the byte order code of ``struct``. Numbers are aligned to their size, at most ``widest`` bytes. In
-    XCDR2 a byte count precedes each array of anything but numbers (``sized_arrays``), and in its delimited form
-    each structure (``sized_structs``).
+    XCDR2, a byte count precedes each array of non-primitive elements (``sized_arrays``), and in its delimited form each
+    structure (``sized_structs``).
     """
 
     order: str
@@ -52,18 +52,18 @@ ENCODINGS = {
     b"\x00\x08": Encoding(">", 4, sized_arrays=True, sized_structs=True),
     b"\x00\x09": Encoding("<", 4, sized_arrays=True, sized_structs=True),
 }
-"""By the first two bytes of a message: CDR, XCDR2 and delimited XCDR2, each big- and little-endian."""
+"""Encodings by the first two bytes of a message: CDR, XCDR2 and delimited XCDR2, each big- and little-endian."""
 _LISTS = (b"\x00\x02", b"\x00\x03", b"\x00\x0a", b"\x00\x0b")
 _COMPRESSED = (b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18")
 
 
 def plain_reader(name: str, types: Definitions) -> Callable[[bytes], dict[str, Any]]:
-    """A function from CDR to a dict of plain values, which raises WrongPayload."""
+    """Return a function that decodes CDR to a dict of plain values; it raises WrongPayload."""
     return _guarded(name, types, None)
 
 
 def record_reader(record: type[M], types: Definitions, name: str = "") -> Callable[[bytes], M]:
-    """A function from CDR of the type ``name`` (the record's own by default) to ``record``.
+    """Return a function that decodes CDR of the type ``name`` (default: the record's own) to ``record``.
 
     Fields are matched by name: those that the record lacks are dropped, those that the type lacks keep their defaults.
     The function raises WrongPayload, also for values outside the record's bounds.
@@ -102,7 +102,7 @@ def _guarded(name: str, types: Definitions, record: type[Message] | None) -> Cal
 
 
 def _unread(head: bytes) -> str:
-    """Why a message with these first bytes cannot be decoded."""
+    """Explain why a message with these first bytes cannot be decoded."""
     if head in _COMPRESSED:
         return (
             "it is compressed by itself (rosbag2's compression mode MESSAGE): "
@@ -125,7 +125,7 @@ class _Readers:
         self._made: dict[tuple[str, type[Message] | None], Read] = {}
 
     def whole(self, name: str, record: type[Message] | None) -> Read:
-        """The reader of a whole message; one without fields may lack the byte that ROS 2 sends for it."""
+        """Return the reader of a whole message; a type without fields may lack the byte that ROS 2 sends for it."""
         if not self._types[name]:
             make: Callable[[], Any] = record or dict
             return lambda data, at: (make(), at)
@@ -144,7 +144,7 @@ class _Readers:
             target = known.name if known is not None else field.name if record is None else ""
             parts.append((target, self._value(field, unwrap(known.type) if known is not None else None)))
         if not parts:
-            # ROS 2 has a byte for a type without fields, "structure_needs_at_least_one_member".
+            # ROS 2 sends a byte for a type without fields, "structure_needs_at_least_one_member".
             parts.append(("", self._number("uint8")))
         make: Callable[..., Any] = record or dict
 
@@ -159,7 +159,7 @@ class _Readers:
         return fields
 
     def _value(self, field: Field, kind: kinds.Type | None) -> Read:
-        """``kind`` is the type of the record's field; None for plain values."""
+        """Return the reader of a field; ``kind`` is the type of the record's field, None for plain values."""
         if kind is None:
             return self._single(field.type, None) if field.extent is None else self._many(field, None, list)
         if anything(kind):

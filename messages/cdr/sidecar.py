@@ -1,4 +1,4 @@
-"""Sidecar records: what a message has beyond its ROS 2 type, recorded in a message before it."""
+"""Sidecar records: what a message carries beyond its ROS 2 type, recorded in a message before it."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from messages.rosgraph import DEBUG, ERROR, FATAL, INFO, WARN, Clock, Log
 from messages.std import Header, String, Time
 
 LEVELS = {DEBUG: 10, INFO: 20, WARN: 30, ERROR: 40, FATAL: 50}
-"""ROS 2's log levels by those of ROS 1, which are used on the bus."""
+"""ROS 2's log levels by those of ROS 1, which the bus uses."""
 _LEVELS = {ours: level for level, ours in LEVELS.items()}
 
 Level = Annotated[int, Meta(ge=0, le=255)]
 
 
 class RosLog(Message, frozen=True, kw_only=True):
-    """A log line as ROS 2 has it."""
+    """A ROS 2 log message."""
 
     ROS_TYPE: ClassVar[str] = "rcl_interfaces/Log"
     stamp: Time = Time()
@@ -31,7 +31,7 @@ class RosLog(Message, frozen=True, kw_only=True):
 
 
 class LogExtra(Message, frozen=True, kw_only=True):
-    """The fields that ROS 2's log line lacks."""
+    """The fields that ROS 2's log message lacks."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LogExtra"
     level: Level = INFO
@@ -49,7 +49,7 @@ class ClockExtra(Message, frozen=True, kw_only=True):
 
 
 class StringExtra(Message, frozen=True, kw_only=True):
-    """The original text, where another one is recorded for ROS 2's tools."""
+    """The original text, if a different one is recorded for ROS 2's tools."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/StringExtra"
     data: str = ""
@@ -63,7 +63,7 @@ ROS_RECORDS: dict[type[Message], type[Message]] = {Log: RosLog}
 
 
 def split(message: Message) -> tuple[Message, Message | None]:
-    """A message as ROS 2 has it, and its sidecar, if it needs one."""
+    """Split a message into its ROS 2 form and its sidecar, None if it needs none."""
     match message:
         case Clock():
             return message, ClockExtra(tick=message.tick, epoch=message.epoch, paused=message.paused)
@@ -85,7 +85,7 @@ def split(message: Message) -> tuple[Message, Message | None]:
 
 
 def join(message: Message, extra: Message | None) -> Message:
-    """The message as on the bus, joined from the parts of ``split``."""
+    """Restore the message as on the bus from the parts that ``split`` returned."""
     match message, extra:
         case Clock(clock=time), ClockExtra(tick=tick, epoch=epoch, paused=paused):
             return Clock(clock=time, tick=tick, epoch=epoch, paused=paused)

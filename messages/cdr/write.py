@@ -1,4 +1,4 @@
-"""Encodes records as CDR, by writers that are composed once for each type."""
+"""Encodes records as CDR, with writers that are composed once for each type."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HEADER = b"\x00\x01\x00\x00"
 """CDR, little-endian, no options."""
 
 _FLOAT_MAX = 3.4028235677973366e38
-"""From here on, a double rounds to an infinite float."""
+"""The smallest double that rounds to an infinite float."""
 
 Op = Callable[[bytearray, Any], None]
 """Appends a part of a message to the buffer; alignment counts from the buffer's start."""
@@ -41,7 +41,7 @@ class NotWritable(EleaError, ValueError):
 
 @cache
 def writer(record: type[Message]) -> Callable[[Message], bytes]:
-    """A function from messages of ``record`` to CDR, which raises NotWritable.
+    """Return a function that encodes messages of ``record`` as CDR; it raises NotWritable.
 
     An Odometry takes 3.7 us; ``rosbags`` takes 6.6 with the conversion to its own classes.
     """
@@ -85,7 +85,7 @@ class _Numbers:
 
 
 def aligned(codes: str, start: int) -> struct.Struct:
-    """The layout of numbers from offset ``start`` (modulo 8) on, each aligned to its size."""
+    """Return the layout of numbers from offset ``start`` (modulo 8) on, each aligned to its size."""
     text, at = "<", start
     for code in codes:
         size = struct.calcsize(f"<{code}")
@@ -96,7 +96,7 @@ def aligned(codes: str, start: int) -> struct.Struct:
 
 
 def _ops(name: str, types: Definitions, record: type[Message], prefix: str = "") -> list[Op]:
-    """The operations that write a type, consecutive numbers in one; ``prefix`` is the path to its record."""
+    """Return the operations that write a type, consecutive numbers merged; ``prefix`` is the path to its record."""
     ops: list[Op | _Numbers] = []
     _collect(ops, name, types, record, prefix)
     return [each.op() if isinstance(each, _Numbers) else each for each in ops]
@@ -130,7 +130,7 @@ def _at(path: str, write: Op) -> Op:
 
 
 def _value(field: Field, kind: kinds.Type, types: Definitions) -> Op:
-    """The operation for a field that is neither a single number nor a single record."""
+    """Return the operation for a field that is neither a single number nor a single record."""
     if anything(kind):
         return lambda out, value: _string(out, json.dumps(value))
     if (inner := optional(kind)) is not None:
@@ -147,7 +147,7 @@ def _value(field: Field, kind: kinds.Type, types: Definitions) -> Op:
 
 
 def _items(field: Field, item: kinds.Type, types: Definitions) -> Op:
-    """The operation for a sequence, or for an array, which has no length before it."""
+    """Return the operation for a sequence, or for a fixed-size array, which has no length prefix."""
     counted = field.extent == -1
     if field.type in SIZES:
         code, size = SIZES[field.type]
@@ -177,7 +177,7 @@ def _items(field: Field, item: kinds.Type, types: Definitions) -> Op:
 
 
 def _raw(field: Field) -> Op:
-    """The operation for numbers that are bytes already."""
+    """Return the operation for numbers that are already bytes."""
     size = SIZES[field.type][1]
 
     def raw(out: bytearray, value: Any) -> None:
@@ -198,7 +198,7 @@ def _packed(out: bytearray, value: Any) -> None:
 
 
 def _zero(field: Field, types: Definitions) -> Op:
-    """The operation for a field that the record lacks: zero."""
+    """Return the operation for a field that the record lacks: zero."""
     if field.extent == -1:
         return lambda out, _: _length(out, 0)
     if field.type in SIZES:
@@ -238,7 +238,7 @@ def _length(out: bytearray, count: int) -> None:
 
 
 def _as_floats(codes: str, values: Sequence[float]) -> list[float]:
-    """Make numbers too large for a float32 infinite, as a cast does."""
+    """Replace numbers too large for a float32 by infinity, as a cast does."""
     return [
         math.copysign(math.inf, value) if code == "f" and abs(value) >= _FLOAT_MAX else value
         for code, value in zip(codes, values, strict=True)

@@ -1,8 +1,8 @@
 """Interfaces of ROS packages: the definitions of their messages, services and actions.
 
-``catalogue()`` knows the standard packages of both ROSes, whose definitions lie in ``packages/``, and those of a
-workspace that are added to it. What ROS 1 and ROS 2 define differently is written in both forms there; on the wire a
-message has ROS 2's field names.
+``catalogue()`` contains the standard packages of ROS 1 and ROS 2, defined in ``packages/``, and the packages of a
+workspace that are added to it. Where the definitions of ROS 1 and ROS 2 differ, ``packages/`` has both forms; on the
+wire, a message has ROS 2's field names.
 """
 
 from messages.interfaces.catalogue import Catalogue, UnknownType, catalogue

@@ -1,4 +1,4 @@
-"""The catalogue: every message, service and action type that is known, by name, in the form of either ROS."""
+"""The catalogue: all known message, service and action types by name, in the form of ROS 1 or ROS 2."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ Kind = Literal["msg", "srv", "action"]
 KINDS: tuple[Kind, ...] = "msg", "srv", "action"
 
 MOST_FILES = 2000
-"""Definitions of a package of a workspace."""
+"""Maximum number of definitions of a workspace package."""
 LARGEST_FILE = 1 << 20
-"""Bytes of a definition."""
+"""Maximum size of a definition [bytes]."""
 LONGEST_ARRAY = 1_000_000
-"""Values of a field of fixed length, since its reader makes as many."""
+"""Maximum length of a fixed-size array, since decoding creates as many values."""
 DEEPEST = 16
 """Maximum levels of nested types; ROS has five."""
 
@@ -47,11 +47,11 @@ SEPARATOR = "=" * 80
 
 
 class UnknownType(BadInput, LookupError):
-    """No package defines this type; the text says which are similar."""
+    """No package defines this type; the text names similar ones."""
 
 
 def _stated_folders(folder: Path) -> dict[Kind, list[str]]:
-    """The folders of a package that ``add_message_files(DIRECTORY …)`` and its like name, relative to its own."""
+    """Return the folders, relative to the package's, that ``add_message_files(DIRECTORY …)`` and the like name."""
     found: dict[Kind, list[str]] = {kind: [] for kind in KINDS}
     try:
         with (folder / "CMakeLists.txt").open(encoding="utf-8", errors="replace") as file:
@@ -68,13 +68,13 @@ def _stated_folders(folder: Path) -> dict[Kind, list[str]]:
 
 @dataclass(frozen=True)
 class _Package:
-    """A package: its definitions by the name of their file (``Twist.msg``), as texts or paths."""
+    """A package: its definitions by file name (``Twist.msg``), as texts or paths."""
 
     name: str
     files: Mapping[str, tuple[str, str] | Path]
 
     def source(self, file: str, ros: Ros) -> tuple[str, str]:
-        """A definition and the name of its place for errors."""
+        """Return the text of a definition, and its file or name for errors."""
         found = self.files[file]
         if isinstance(found, tuple):
             return found[ros - 1], f"{self.name}/{file}"
@@ -90,7 +90,7 @@ class _Package:
 
 @dataclass
 class Catalogue:
-    """Definitions of types by name; those of a workspace come before the standard ones of a package of that name.
+    """Type definitions by name; a workspace package takes precedence over the standard package of the same name.
 
     ``locate`` finds the folder of a package by name, or returns None.
     """
@@ -101,15 +101,15 @@ class Catalogue:
     _sums: dict[str, str] = field(default_factory=dict)
 
     def packages(self) -> list[str]:
-        """The names of the known packages, sorted; those that ``locate`` could find only once they were asked for."""
+        """Return the sorted names of the known packages; those found by ``locate`` are known after their first use."""
         found = {name for name, package in self._packages.items() if package is not None}
         return sorted(found | standard.packages())
 
     def add_package(self, name: str, folder: Path) -> bool:
-        """Know the definitions below ``msg/``, ``srv/`` and ``action/`` of a package's folder, and in the folders that
-        its ``CMakeLists.txt`` names; False if there are none.
+        """Add the definitions in ``msg/``, ``srv/`` and ``action/`` of a package's folder, and in the folders that its
+        ``CMakeLists.txt`` names; return False if there are none.
 
-        They are read when they are asked for. Raises BadInput for too many of them.
+        They are read on first use. Raises BadInput if there are more than MOST_FILES.
         """
         files: dict[str, tuple[str, str] | Path] = {}
         stated = _stated_folders(folder)
@@ -124,20 +124,20 @@ class Catalogue:
         return bool(files)
 
     def has_package(self, name: str) -> bool:
-        """Whether a package is known or found that defines types."""
+        """Whether a package with definitions is known or can be located."""
         return self._package(name) is not None
 
     def types(self, package: str, kind: Kind) -> list[str]:
-        """The names of a package's types of a kind, without the package; empty if there is none."""
+        """Return the names of a package's types of a kind, without the package name; empty if there are none."""
         found = self._package(package)
         return sorted(Path(file).stem for file in found.files if file.endswith(f".{kind}")) if found else []
 
     def all_types(self, kind: Kind) -> list[str]:
-        """All types of a kind in the known packages, ``pkg/Type``."""
+        """Return all types of a kind in the known packages, as ``pkg/Type``."""
         return [f"{package}/{name}" for package in self.packages() for name in self.types(package, kind)]
 
     def message(self, name: str, ros: Ros = 1) -> MessageDefinition:
-        """A message type, a part of a service or action (``pkg/TypeRequest``, ``pkg/TypeGoal``) included.
+        """Return a message type, or a part of a service or action (``pkg/TypeRequest``, ``pkg/TypeGoal``).
 
         Raises UnknownType, or BadDefinition with file and line.
         """
@@ -148,14 +148,14 @@ class Catalogue:
         return known
 
     def service(self, name: str, ros: Ros = 1) -> ServiceDefinition:
-        """A service type; raises UnknownType or BadDefinition."""
+        """Return a service type; raises UnknownType or BadDefinition."""
         name = name.replace("/srv/", "/", 1)
         read = parse_service(name, *self._source(name, "srv", ros))
         form = ros1_form if ros == 1 else ros2_form
         return ServiceDefinition(name, form(read.request), form(read.response))
 
     def action(self, name: str, ros: Ros = 1) -> ActionDefinition:
-        """An action type; raises UnknownType or BadDefinition."""
+        """Return an action type; raises UnknownType or BadDefinition."""
         name = name.replace("/action/", "/", 1)
         read = parse_action(name, *self._source(name, "action", ros))
         form = ros1_form if ros == 1 else ros2_form
@@ -163,17 +163,17 @@ class Catalogue:
         return ActionDefinition(name, *parts, tuple(form(each) for each in read.messages))
 
     def closure(self, name: str, ros: Ros = 1) -> dict[str, MessageDefinition]:
-        """A type and all types that it uses, in order of first use; raises UnknownType or BadDefinition."""
+        """Return a type and all types that it uses, in order of first use; raises UnknownType or BadDefinition."""
         found: dict[str, MessageDefinition] = {}
         self._collect(self.message(name, ros), ros, found, ())
         return found
 
     def definitions(self, name: str) -> Definitions:
-        """The fields of a type and of all types that it uses, as ROS 2 has them; raises UnknownType, BadDefinition."""
+        """Return the fields of a type and of all types it uses, in ROS 2's form; raises UnknownType, BadDefinition."""
         return {each: definition.fields for each, definition in self.closure(name, 2).items()}
 
     def md5(self, name: str) -> str:
-        """The checksum by which ROS 1 tells versions of a message type, or of a service type; raises UnknownType."""
+        """Return the MD5 sum by which ROS 1 identifies a version of a message or service type; raises UnknownType."""
         name = short_type_name(name)
         if (known := self._sums.get(name)) is None:
             package, _, own = name.partition("/")
@@ -186,7 +186,7 @@ class Catalogue:
         return known
 
     def full_text(self, name: str) -> str:
-        """The definition of a message type in ROS 1's form, with those of all types that it uses."""
+        """Return the ROS 1 definition of a message type, followed by those of all types that it uses."""
         texts = [
             definition.text if not index else f"MSG: {each}\n{definition.text}"
             for index, (each, definition) in enumerate(self.closure(name).items())
@@ -263,7 +263,7 @@ class Catalogue:
             self._collect(nested, ros, found, (*above, definition.name))
 
     def _place(self, name: str, field_name: str) -> str:
-        """Where a field is defined."""
+        """Return the file and line where a field is defined, or ``type.field``."""
         package, _, own = name.partition("/")
         found = self._package(package)
         for file, source in (found.files if found else {}).items():
@@ -276,7 +276,7 @@ class Catalogue:
         return f"{name}.{field_name}"
 
     def _sum_text(self, definition: MessageDefinition) -> str:
-        """What genmsg takes the checksum of: constants, then fields with the checksums of their types."""
+        """Return the text of which genmsg computes the MD5 sum: constants, then fields with the sums of their types."""
         self.closure(definition.name)
         lines = [str(each) for each in definition.constants]
         for each in definition.fields:
@@ -287,5 +287,5 @@ class Catalogue:
 
 @cache
 def catalogue() -> Catalogue:
-    """The catalogue of this process."""
+    """Return the catalogue of this process."""
     return Catalogue()

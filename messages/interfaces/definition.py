@@ -1,8 +1,8 @@
-"""Definitions of messages, services and actions, and the parser of their ``.msg``, ``.srv`` and ``.action`` texts.
+"""Definitions of messages, services and actions, and the parser of ``.msg``, ``.srv`` and ``.action`` files.
 
-The syntax is that of both ROSes (genmsg, rosidl): a field or a constant on each line, comments after ``#``. ``time``
-and ``duration`` of ROS 1 are ``builtin_interfaces/Time`` and ``Duration`` of ROS 2; both names are understood, and
-``ros1_form`` and ``ros2_form`` turn one into the other.
+The syntax is that of both ROS 1 (genmsg) and ROS 2 (rosidl): one field or constant per line, comments after ``#``.
+``time`` and ``duration`` of ROS 1 correspond to ``builtin_interfaces/Time`` and ``Duration`` of ROS 2; both are
+accepted, and ``ros1_form`` and ``ros2_form`` convert between them.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ SIZES = {
 """The ``struct`` code and the size in bytes of each number type."""
 
 TIMES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
-"""The types of time by their names in ROS 1."""
+"""The time types by their ROS 1 names."""
 SIMPLE = frozenset((*SIZES, "string"))
-"""Types that are no records, in both ROSes."""
+"""Primitive types and strings, in ROS 1 and ROS 2."""
 
 MOST_LINES = 10_000
-"""Lines of a definition."""
+"""Maximum number of lines of a definition."""
 
 Scalar = bool | int | float | str
 
@@ -56,13 +56,13 @@ _RANGES = {
 
 
 class BadDefinition(BadInput):
-    """A text does not define a message type; the error says where."""
+    """A text is not a valid definition; the error names the place."""
 
 
 class Field(NamedTuple):
-    """A field: ``extent`` is None for a single value, -1 for a sequence, else the length of an array.
+    """A field: ``extent`` is None for a single value, -1 for a sequence, else the length of the array.
 
-    ``bound`` is the maximum length of a sequence, 0 without one. ``default`` is the text of ROS 2's default value.
+    ``bound`` is the maximum length of a sequence, 0 if unbounded. ``default`` is the text of ROS 2's default value.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Field(NamedTuple):
 
     @property
     def full_type(self) -> str:
-        """The type with the brackets of an array."""
+        """The type including array brackets."""
         match self.extent:
             case None:
                 return self.type
@@ -87,7 +87,7 @@ class Field(NamedTuple):
 
 
 class Constant(NamedTuple):
-    """A named value of a message type; ``text`` is how the definition writes it."""
+    """A named value of a message type; ``text`` is the value as written in the definition."""
 
     name: str
     type: str
@@ -100,7 +100,7 @@ class Constant(NamedTuple):
 
 @dataclass(frozen=True)
 class MessageDefinition:
-    """A message type, ``pkg/Type``: its fields and constants in order; other types are named ``pkg/Type`` in full."""
+    """A message type, ``pkg/Type``: its fields and constants in order; other types have full names, ``pkg/Type``."""
 
     name: str
     fields: tuple[Field, ...] = ()
@@ -108,7 +108,7 @@ class MessageDefinition:
 
     @property
     def text(self) -> str:
-        """The definition as a ``.msg`` file has it, without comments."""
+        """The definition in ``.msg`` format, without comments."""
         return "".join(f"{line}\n" for line in (*self.constants, *self.fields))
 
 
@@ -122,12 +122,12 @@ class ServiceDefinition:
 
     @property
     def messages(self) -> tuple[MessageDefinition, ...]:
-        """Both messages."""
+        """Request and response."""
         return self.request, self.response
 
     @property
     def text(self) -> str:
-        """The definition as a ``.srv`` file has it."""
+        """The definition in ``.srv`` format."""
         return f"{self.request.text}---\n{self.response.text}"
 
 
@@ -135,7 +135,7 @@ class ServiceDefinition:
 class ActionDefinition:
     """An action type; its parts are named ``pkg/TypeGoal``, ``pkg/TypeResult`` and ``pkg/TypeFeedback``.
 
-    ``messages`` are the seven messages of ROS 1, those parts among them.
+    ``messages`` are the seven messages of ROS 1, including these parts.
     """
 
     name: str
@@ -146,21 +146,21 @@ class ActionDefinition:
 
     @property
     def text(self) -> str:
-        """The definition as an ``.action`` file has it."""
+        """The definition in ``.action`` format."""
         return f"{self.goal.text}---\n{self.result.text}---\n{self.feedback.text}"
 
 
 Definitions = Mapping[str, tuple[Field, ...]]
-"""Fields of each type in order, by name (``geometry_msgs/Pose``)."""
+"""Fields of each type in order, by type name (``geometry_msgs/Pose``)."""
 
 
 def short_type_name(name: str) -> str:
-    """``geometry_msgs/Pose`` for ``geometry_msgs/msg/Pose``."""
+    """Return ``geometry_msgs/Pose`` for ``geometry_msgs/msg/Pose``."""
     return name.replace("/msg/", "/", 1)
 
 
 def parse_message(name: str, text: str, where: str = "") -> MessageDefinition:
-    """A message type from the text of its ``.msg`` file.
+    """Parse a message type from the text of its ``.msg`` file.
 
     Args:
         name: The type, ``pkg/Type``.
@@ -174,7 +174,7 @@ def parse_message(name: str, text: str, where: str = "") -> MessageDefinition:
 
 
 def parse_service(name: str, text: str, where: str = "") -> ServiceDefinition:
-    """A service type from the text of its ``.srv`` file; without '---' it is a request alone. Raises BadDefinition."""
+    """Parse a service type from its ``.srv`` text; without '---' it is a request alone. Raises BadDefinition."""
     where = where or name
     if not any(_DIVIDER.fullmatch(line.partition("#")[0]) for line in text.splitlines()):
         text += "\n---"
@@ -185,7 +185,7 @@ def parse_service(name: str, text: str, where: str = "") -> ServiceDefinition:
 
 
 def parse_action(name: str, text: str, where: str = "") -> ActionDefinition:
-    """An action type from the text of its ``.action`` file; raises BadDefinition."""
+    """Parse an action type from the text of its ``.action`` file; raises BadDefinition."""
     where = where or name
     parts = _sections(text, 3, where, "an action has a goal, '---', a result, '---' and feedback")
     goal, result, feedback = (
@@ -196,7 +196,7 @@ def parse_action(name: str, text: str, where: str = "") -> ActionDefinition:
 
 
 def parse_lines(name: str, lines: Iterable[tuple[int, str]], where: str) -> MessageDefinition:
-    """A message type from numbered lines; raises BadDefinition."""
+    """Parse a message type from numbered lines; raises BadDefinition."""
     package = name.partition("/")[0]
     fields, constants = dict[str, Field](), dict[str, Constant]()
     for number, line in lines:
@@ -223,7 +223,7 @@ def parse_lines(name: str, lines: Iterable[tuple[int, str]], where: str) -> Mess
 
 
 def ros1_form(definition: MessageDefinition) -> MessageDefinition:
-    """The type with ``time`` and ``duration``, without defaults and bounds."""
+    """Return the type with ROS 1's ``time`` and ``duration``, without defaults and bounds."""
     return _with_fields(
         definition,
         tuple(Field(each.name, _ROS1_TIMES.get(each.type, each.type), each.extent) for each in definition.fields),
@@ -231,7 +231,7 @@ def ros1_form(definition: MessageDefinition) -> MessageDefinition:
 
 
 def ros2_form(definition: MessageDefinition) -> MessageDefinition:
-    """The type with ROS 2's records for times."""
+    """Return the type with ROS 2's time types."""
     return _with_fields(
         definition, tuple(each._replace(type=TIMES.get(each.type, each.type)) for each in definition.fields)
     )
@@ -303,7 +303,7 @@ def _hint(bare: str) -> str:
 def _action_messages(
     name: str, goal: MessageDefinition, result: MessageDefinition, feedback: MessageDefinition
 ) -> tuple[MessageDefinition, ...]:
-    """The messages that ROS 1 generates from an action, in genaction's order."""
+    """Return the messages that ROS 1 generates from an action, in genaction's order."""
     header = Field("header", "std_msgs/Header")
     goal_id, status = Field("goal_id", "actionlib_msgs/GoalID"), Field("status", "actionlib_msgs/GoalStatus")
     wrapped = (

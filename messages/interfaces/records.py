@@ -1,6 +1,6 @@
-"""Records for types that have no class in this project, made from standard definitions or from those of their senders.
+"""Record classes for types that have none in this project, generated from standard definitions or from other nodes'.
 
-With such a record a message of any type is decoded, shown, built from text and written as CDR like those of our own.
+With such a record, a message of any type can be decoded, displayed, built from text and written as CDR like our own.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from messages.interfaces.definition import SIZES, BadDefinition, Definitions, Fi
 from messages.records import RECORDS, UnknownRecord
 
 MOST_LEARNED = 1000
-"""Types to learn from others."""
+"""Maximum number of types learned from other processes."""
 LARGEST_DEFAULT = 1 << 20
-"""Bytes of the smallest message of a type, since its record holds one as its defaults."""
+"""Maximum size [bytes] of the smallest message of a type, since its record holds one as its defaults."""
 LONGEST_TEXT = 1 << 16
-"""Bytes of a definition from another process."""
+"""Maximum size of a definition from another process [bytes]."""
 
 _TYPE = re.compile(r"[A-Za-z]\w*/[A-Za-z]\w*", re.ASCII)
 _RESERVED = frozenset(["self", "ROS_TYPE", "DEFINITIONS"])
@@ -34,13 +34,13 @@ _learned: dict[str, tuple[str, type[Message]]] = {}
 
 
 class GeneratedMessage(Message, frozen=True, kw_only=True):
-    """A record that was made of a definition."""
+    """Base class of records generated from a definition."""
 
     DEFINITIONS: ClassVar[Definitions] = {}
 
 
 def find_record(name: str) -> type[Message] | None:
-    """The record of a ROS type: our own, one that was learned, or one of the catalogue; None for any other."""
+    """Return the record of a ROS type: our own, a learned one, or one of the catalogue; None if it is unknown."""
     name = short_type_name(name)
     if (known := RECORDS.get(name)) is not None:
         return known
@@ -53,7 +53,7 @@ def find_record(name: str) -> type[Message] | None:
 
 
 def need_record(name: str) -> type[Message]:
-    """The record of a ROS type; raises UnknownRecord with similar names."""
+    """Return the record of a ROS type; raises UnknownRecord with similar names."""
     if (found := find_record(name)) is not None:
         return found
     short: dict[str, list[str]] = {}
@@ -66,7 +66,8 @@ def need_record(name: str) -> type[Message]:
 
 
 def definition_text(name: str) -> str:
-    """The definition of a type that others cannot know: ``ros2msg`` with all types that it uses; empty for others."""
+    """Return the ``ros2msg`` definition of a type that other processes cannot know, with all types that it uses; empty
+    for all other types."""
     name = short_type_name(name)
     if name in RECORDS or _is_standard(name):
         return ""
@@ -78,9 +79,9 @@ def definition_text(name: str) -> str:
 
 
 def learn(name: str, text: str) -> bool:
-    """Know a type by its definition, in the language ``ros2msg``, from another process; False if it is known already.
+    """Add a type by its ``ros2msg`` definition from another process; return False if it is already known.
 
-    Raises BadInput for a definition that cannot be read, is too large, or contradicts an earlier one.
+    Raises BadInput if the definition cannot be parsed, is too large, or contradicts an earlier one.
     """
     name = short_type_name(name)
     if not _TYPE.fullmatch(name):
@@ -100,19 +101,19 @@ def learn(name: str, text: str) -> bool:
 
 
 def forget_learned() -> None:
-    """Know no type from other processes any more; for tests."""
+    """Forget all types learned from other processes; for tests."""
     _learned.clear()
 
 
 def record_of(name: str, types: Definitions) -> type[Message]:
-    """A record for the type ``name`` of these definitions; raises BadDefinition if its smallest message is large."""
+    """Generate a record for the type ``name``; raises BadDefinition if its smallest message is too large."""
     if (size := minimum_size(name, types)) > LARGEST_DEFAULT:
         raise BadDefinition(f"the smallest {name} has {size} bytes, the limit for a record is {LARGEST_DEFAULT}")
     return _Generator(types).record(name)
 
 
 class _Generator:
-    """Makes the records of one set of definitions; those that it uses are our own where there are any."""
+    """Generates the records of one set of definitions; for nested types, our own records are used if there are any."""
 
     def __init__(self, types: Definitions) -> None:
         self._types = types
@@ -136,7 +137,7 @@ class _Generator:
         return made
 
     def _field(self, field: Field) -> tuple[Any, Any]:
-        """The type of a field, and its default."""
+        """Return the type of a field and its default."""
         if field.extent is None:
             return self._single(field.type)
         fixed = field.extent if field.extent > 0 else 0

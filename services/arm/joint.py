@@ -37,7 +37,7 @@ class JointReader:
 
         Args:
             state: The latest joint states.
-            longest: Time between two states [ns] beyond which there was a gap.
+            longest: Time between two states [ns] beyond which it counts as a gap.
         """
         if self.name not in state.name or not state.position:
             names = ", ".join(state.name) or "none"

@@ -40,11 +40,11 @@ class Gains(NamedTuple):
     inertia: float
 
     def gravity_compensation(self, angle: float) -> float:
-        """Effort [N m] that holds the arm at ``angle`` [deg] against gravity; 0 if that is not fed forward."""
+        """Return the effort [N m] that holds the arm at ``angle`` [deg]; 0 without gravity feed-forward."""
         return self.gravity_torque * math.sin(math.radians(angle - self.gravity_rest))
 
     def inertia_feedforward(self, acceleration: float) -> float:
-        """Effort [N m] for an ``acceleration`` [deg/s2]; 0 if that is not fed forward."""
+        """Return the effort [N m] for an ``acceleration`` [deg/s2]; 0 without inertia feed-forward."""
         return self.inertia * math.radians(acceleration)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 WINDOW = 16
 """Intervals over which the period is averaged: a jitter of one tick changes it by a sixteenth of a tick."""
 MIN_SAMPLES = 8
-"""Samples after which missing ones are detected; until then, each is taken as the next."""
+"""Samples after which missing ones are detected; until then, each counts as the next."""
 NEXT_SAMPLE_PERIODS = 0.2, 1.8
 """Range of periods since the last sample in which a sample counts as the next, early or late."""
 DELAY_GAIN = 0.25
@@ -116,7 +116,7 @@ class ReferenceInterpolator:
             self._extrapolate(self._slope, self._previous_slope)
 
     def age(self, now: int) -> float:
-        """Time since the last sample [s]; inf before the first."""
+        """Return the time since the last sample [s]; inf before the first."""
         return math.inf if self.sample is None else (now - self._arrival) * NS
 
     def at(self, now: int, smooth: bool, span: int = 0) -> SetPoint:

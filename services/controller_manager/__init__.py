@@ -6,7 +6,7 @@ from services.runtime import Parameters, Service, param
 
 
 class ControllerManagerParameters(Parameters, frozen=True, kw_only=True):
-    """Parameters of the controller manager. Gains are in sets of their own, ``CONTROLLER/pid`` or
+    """Parameters of the controller manager. Gains are in separate sets, ``CONTROLLER/pid`` or
     ``CONTROLLER/gains/JOINT``."""
 
     config: str = param(

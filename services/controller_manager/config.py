@@ -1,4 +1,4 @@
-"""What a YAML file of ros_control says: the controllers of one robot, as typed records."""
+"""The content of a ros_control YAML file as typed records: the controllers of one robot."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from models.urdf import SINGLE_DOF, JointLimits
 from services.runtime.errors import BadInput, unknown_name
 
 MAX_JOINTS = 64
-"""Joints of one controller."""
+"""Maximum number of joints of a controller."""
 DEFAULT_RATE = 100.0
-"""Hz, where the file has no ``update_rate``; ROS 2's."""
+"""Update rate [Hz] if the file has no ``update_rate``; ROS 2's default."""
 
 Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
 NonNegative = Annotated[float, Meta(ge=0, le=1e6)]
@@ -29,9 +29,10 @@ Quantity = Literal["position", "velocity", "effort"]
 
 
 class ControllerType(NamedTuple):
-    """What controllers of a type take (``commanded``) and what they put on joints (``interface``).
+    """The quantity that controllers of a type are commanded by (``commanded``), and by which they command joints
+    (``interface``).
 
-    Where these differ, a PID makes one from the other.
+    If these differ, a PID converts one to the other.
     """
 
     kind: Kind
@@ -40,7 +41,7 @@ class ControllerType(NamedTuple):
 
     @property
     def pid(self) -> bool:
-        """Whether it needs gains."""
+        """Whether the controller needs PID gains."""
         return self.kind in ("joint", "group") and self.interface != self.commanded
 
 
@@ -73,15 +74,15 @@ OF_THE_SIMULATION = {
     "imu_sensor_controller/ImuSensorController": "the simulation publishes imu itself",
     "imu_sensor_broadcaster/IMUSensorBroadcaster": "the simulation publishes imu itself",
 }
-"""Types that stand in such files for what the simulation does anyway."""
+"""Controller types in such files that the simulation itself replaces."""
 
 
 class Table(msgspec.Struct, frozen=True, kw_only=True):
-    """A table of the file; unknown keys are named and ignored, as ROS ignores them."""
+    """A table of the file; unknown keys are reported and ignored, as in ROS."""
 
 
 class Gains(Table, frozen=True, kw_only=True):
-    """The gains of one joint, by control_toolbox's names. ``ff_velocity_scale`` feeds the wanted velocity forward."""
+    """The gains of one joint, with control_toolbox's names. ``ff_velocity_scale`` is the velocity feed-forward."""
 
     p: Number = 0.0
     i: Number = 0.0
@@ -94,13 +95,13 @@ class Gains(Table, frozen=True, kw_only=True):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The least and the largest share of the integral."""
+        """Lower and upper bound of the integral term."""
         low = -self.i_clamp if self.i_clamp_min is None else self.i_clamp_min
         return low, self.i_clamp if self.i_clamp_max is None else self.i_clamp_max
 
 
 class Tolerance(Table, frozen=True, kw_only=True):
-    """How far a joint may be off its path, and off its goal; rad or m, 0 for no limit."""
+    """Maximum error of a joint along its path, and at its goal [rad or m]; 0 for no limit."""
 
     trajectory: NonNegative = 0.0
     goal: NonNegative = 0.0
@@ -108,9 +109,9 @@ class Tolerance(Table, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryConfig:
-    """What is said of a trajectory controller alone. Rates in Hz, times in s, velocities in rad/s or m/s.
+    """Settings of a trajectory controller. Rates in Hz, times in s, velocities in rad/s or m/s.
 
-    ``waits_for_goal`` is ROS 2's meaning of a ``goal_time`` of 0: there is no limit.
+    ``waits_for_goal`` is ROS 2's meaning of a ``goal_time`` of 0: no time limit.
     """
 
     constraints: Mapping[str, Tolerance]
@@ -126,7 +127,7 @@ class TrajectoryConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerConfig:
-    """One controller; ``where`` is its file and line. ``gains`` are those of its joints, empty without a PID."""
+    """One controller; ``where`` is its file and line. ``gains`` are by joint, empty without a PID."""
 
     name: str
     type: str
@@ -139,7 +140,7 @@ class ControllerConfig:
     trajectory: TrajectoryConfig | None = None
 
     def gain_set(self, joint: str) -> str:
-        """The set of parameters that a joint's gains are in, relative to the robot's namespace; named as in ROS."""
+        """Return the parameter set of a joint's gains, relative to the robot's namespace; named as in ROS."""
         match self.kind:
             case "trajectory":
                 return f"{self.name}/gains/{joint}"
@@ -152,9 +153,9 @@ class ControllerConfig:
 class ManagerConfig:
     """The controllers of a robot in the order of the file.
 
-    ``hardware_gains`` are gazebo_ros_control's ``pid_gains``: joints that take positions or velocities are then moved
-    by effort. ``joint_state_rate`` [Hz] is that of a JointStateController, 0 without one. ``notes`` say what of the
-    file is ignored.
+    ``hardware_gains`` are gazebo_ros_control's ``pid_gains``: with them, joints commanded by position or velocity are
+    moved by effort. ``joint_state_rate`` [Hz] is that of a JointStateController, 0 without one. ``notes`` list what is
+    ignored in the file.
     """
 
     controllers: tuple[ControllerConfig, ...]
@@ -165,13 +166,13 @@ class ManagerConfig:
 
     @property
     def gain_sets(self) -> dict[str, Gains]:
-        """The gains by the sets of parameters that they are in, relative to the robot's namespace."""
+        """The gains by parameter set, relative to the robot's namespace."""
         sets = {each.gain_set(joint): gains for each in self.controllers for joint, gains in each.gains.items()}
         return sets | {hardware_gain_set(joint): gains for joint, gains in self.hardware_gains.items()}
 
     @property
     def joints(self) -> dict[str, tuple[str, str]]:
-        """Every joint that a controller commands, with the first that does and its place in the file."""
+        """Every commanded joint, with the first controller that commands it and its place in the file."""
         found: dict[str, tuple[str, str]] = {}
         for each in self.controllers:
             for joint in each.joints:
@@ -179,7 +180,7 @@ class ManagerConfig:
         return found
 
     def check_joints(self, limits: Mapping[str, JointLimits]) -> None:
-        """Raise BadInput, with the place in the file, for a joint that the robot does not have or that cannot move.
+        """Raise BadInput, with the place in the file, for a joint that the robot lacks or that cannot move.
 
         Args:
             limits: The robot's joints.
@@ -193,5 +194,5 @@ class ManagerConfig:
 
 
 def hardware_gain_set(joint: str) -> str:
-    """The set of a joint's ``hardware_gains``."""
+    """Return the parameter set of a joint's ``hardware_gains``."""
     return f"gazebo_ros_control/pid_gains/{joint}"

@@ -31,11 +31,11 @@ from services.controller_manager.config import (
 from services.runtime.errors import BadInput, did_you_mean, unknown_name
 
 MAX_BYTES = 1 << 18
-"""Size of the file; those that people write have a few thousand bytes."""
+"""Maximum file size [bytes]; handwritten files have a few thousand bytes."""
 MAX_DEPTH = 12
-"""Tables within tables."""
+"""Maximum nesting of tables."""
 MAX_VALUES = 20_000
-"""Values in all tables; more, or deeper ones, are made by aliases of YAML, not by a person."""
+"""Maximum number of values in all tables; only YAML aliases produce more values or deeper tables."""
 MAX_CONTROLLERS = 100
 
 _ROS_2 = "ros__parameters"
@@ -82,11 +82,11 @@ class _StateTable(Table, frozen=True, kw_only=True):
 
 
 _UNUSED = frozenset({"update_rate", "use_sim_time", "joint_group", "action_ns"})
-"""Keys that are common, mean nothing here, and are not worth a note."""
+"""Common keys that have no effect here and deserve no note."""
 
 
 class _Found(NamedTuple):
-    """A table of the file: the namespace and name that it has, its keys, and where it is in the file."""
+    """A table of the file: the namespace and name of its node, its keys, and its path in the file."""
 
     namespace: str
     name: str
@@ -95,7 +95,7 @@ class _Found(NamedTuple):
 
 
 class _Head(NamedTuple):
-    """What every controller has: its name, its type, and where that is in the file."""
+    """The common part of every controller: its name, its type, and the place of the type in the file."""
 
     name: str
     type: str
@@ -103,21 +103,21 @@ class _Head(NamedTuple):
 
 
 def is_text(config: str) -> bool:
-    """Whether a ``config`` is the content itself, as a table in braces, and no path."""
+    """Whether ``config`` is the content itself, as a table in braces, rather than a path."""
     return config.lstrip().startswith("{")
 
 
 def read_stated(config: str, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
-    """The controllers of a ``config``, the path of a file or its content; raises BadInput."""
+    """Read the controllers of ``config``, the path of a file or its content; raises BadInput."""
     if is_text(config):
         return parse_config(Path("config"), config, namespace, chosen)
     return read_config(Path(config).absolute(), namespace, chosen)
 
 
 def read_config(path: Path, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
-    """The controllers of the robot in ``namespace``, from a file; raises BadInput.
+    """Read the controllers of the robot in ``namespace`` from a file; raises BadInput.
 
-    Where some are ``chosen`` by their names, others may be of unknown types, and are then left out.
+    If controllers are ``chosen`` by name, others with unknown types are ignored.
     """
     try:
         with path.open("rb") as file:
@@ -134,7 +134,7 @@ def read_config(path: Path, namespace: str, chosen: Collection[str] = ()) -> Man
 
 
 def parse_config(path: Path, text: str, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
-    """The controllers in ``text``, as ``read_config`` reads them; ``path`` is named in errors."""
+    """Parse the controllers in ``text`` as ``read_config`` does; ``path`` is used in errors."""
     tree = read_yaml(text, str(path))
     if not isinstance(tree, dict):
         raise BadInput(f"{path}:1: expected a table of controllers, by their names")
@@ -143,7 +143,7 @@ def parse_config(path: Path, text: str, namespace: str, chosen: Collection[str] 
 
 
 class _Reader:
-    """Reads one file for one robot; ``notes`` collect what is ignored."""
+    """Reads one file for one robot; ``notes`` collects what is ignored."""
 
     def __init__(self, source: YamlSource, namespace: str, chosen: Collection[str]) -> None:
         self._source, self._namespace, self._chosen = source, namespace, chosen
@@ -151,7 +151,7 @@ class _Reader:
         self._joint_state_rate = 0.0
 
     def read(self, tree: dict[Any, Any]) -> ManagerConfig:
-        """The controllers of the file."""
+        """Return the controllers of the file."""
         found = list(self._walk(tree, ()))
         controllers = self._own([each for each in found if each.name not in (_MANAGER, _GAZEBO)])
         managers = [each for each in found if each.name == _MANAGER and self._is_own(each)]
@@ -172,7 +172,7 @@ class _Reader:
         return ManagerConfig(tuple(configs), rate, gains, self._joint_state_rate, tuple(self._notes))
 
     def _walk(self, table: dict[Any, Any], path: Path_) -> Iterator[_Found]:
-        """The tables that are controllers, controller managers or gains of the hardware, at any depth."""
+        """Yield the tables of controllers, controller managers and hardware gains, at any depth."""
         for key, value in table.items():
             if not isinstance(value, dict):
                 continue
@@ -190,7 +190,7 @@ class _Reader:
         return found.namespace in ("", *_ANYWHERE, self._namespace)
 
     def _own(self, found: list[_Found]) -> list[_Found]:
-        """The controllers of the robot's namespace, or of the only one that the file has."""
+        """Return the controllers of the robot's namespace, or of the only namespace in the file."""
         others = {each.namespace for each in found if not self._is_own(each)}
         if not others:
             return found
@@ -210,7 +210,7 @@ class _Reader:
         return found
 
     def _types(self, managers: list[_Found], controllers: list[_Found]) -> dict[str, tuple[str, Path_]]:
-        """The types that ROS 2's controller manager declares, by the controllers' names."""
+        """Return the controller types that ROS 2's controller manager declares, by controller name."""
         types: dict[str, tuple[str, Path_]] = {}
         known = {each.name for each in controllers}
         for manager in managers:
@@ -224,7 +224,7 @@ class _Reader:
         return types
 
     def _controller(self, found: _Found, types: Mapping[str, tuple[str, Path_]]) -> ControllerConfig | None:
-        """The controller in a table; None for one that the simulation makes needless, or a node that is none."""
+        """Return the controller of a table; None if the simulation replaces it or it is not a controller."""
         table, path = found.table, found.path
         if "type" in table:
             type_name, type_path = self._convert(table["type"], str, (*path, "type")), (*path, "type")
@@ -372,7 +372,7 @@ class _Reader:
                 raise BadInput(f"{self._source.location(*path, 'joints')}: the joint {joint!r} occurs twice")
 
     def _gains(self, table: Any, path: Path_, below: Path_ = ()) -> dict[str, Gains]:
-        """Gains by joints."""
+        """Return gains by joint."""
         made = {}
         for joint, each in self._convert(table, dict[str, Any], path).items():
             here = (*path, joint, *below)
@@ -389,7 +389,7 @@ class _Reader:
         return gains
 
     def _table(self, table: Any, record: type[T], path: Path_, more: Collection[str] = ()) -> T:
-        """A table as a record; keys that it does not have are noted."""
+        """Convert a table to a record; unknown keys are noted."""
         if isinstance(table, dict):
             fields = {each.name for each in msgspec.structs.fields(record)}  # type: ignore[arg-type]
             known = fields | set(more) | _UNUSED
@@ -414,7 +414,7 @@ class _Reader:
 
 
 def _check_size(tree: Any, path: Path) -> None:
-    """Raise BadInput for what aliases blow up, or loop through themselves."""
+    """Raise BadInput for content that aliases expand too far or make recursive."""
     pending, count = [(tree, 0)], 0
     while pending:
         each, depth = pending.pop()
@@ -427,7 +427,7 @@ def _check_size(tree: Any, path: Path) -> None:
 
 
 def _nest(table: dict[Any, Any]) -> dict[str, Any]:
-    """ROS 2's dotted names (``gains.joint1.p``) as tables in tables."""
+    """Convert ROS 2's dotted names (``gains.joint1.p``) to nested tables."""
     made: dict[str, Any] = {}
     for key, value in table.items():
         *above, last = str(key).split(".")

@@ -1,4 +1,4 @@
-"""What all controllers share: the joints as they see them, the limits of their commands, and their interface."""
+"""What all controllers have in common: joint readings, command limits, access to the node, and the interface."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from services.runtime.publisher import Publisher
 from services.runtime.subscriber import Stream
 
 MAX_GAP_S = 0.1
-"""Time between two control ticks beyond which it has jumped: nothing is integrated or differentiated over it."""
+"""Time [s] between two control ticks beyond which there is a gap: nothing is integrated or differentiated over it."""
 
 
 class JointReading(NamedTuple):
@@ -32,21 +32,21 @@ RobotState = Mapping[str, JointReading]
 
 
 def robot_state(message: JointState) -> RobotState:
-    """The joints of a message; none, if it has no positions or no velocities."""
+    """Return the joints of a message; none if it lacks positions or velocities."""
     rows = zip(message.name, message.position, message.velocity, strict=False)
     return {name: JointReading(*row) for name, *row in rows}
 
 
 def shortest_angle(start: float, end: float) -> float:
-    """The least turn [rad] from one angle to another, from -pi to pi."""
+    """Return the shortest rotation [rad] from one angle to another, in [-pi, pi]."""
     return math.remainder(end - start, math.tau)
 
 
 class CommandLimiter:
-    """Keeps commands within the limits of the URDF; ``limited`` counts those that were not, and ``warn`` says why.
+    """Clamps commands to the limits of the URDF; ``limited`` counts the clamped ones, and ``warn`` is given the reason.
 
-    A velocity limit of 0 or none is no limit, as in most URDFs; ``effort`` is limited without a warning, since the
-    output of a PID often is.
+    A velocity limit of 0 or none means unlimited, as in most URDFs; ``effort`` is clamped without a warning, since the
+    output of a PID often exceeds its limit.
     """
 
     def __init__(self, warn: Callable[[str], None]) -> None:
@@ -59,23 +59,23 @@ class CommandLimiter:
         return joint in self.limits and self.limits[joint].kind == "continuous"
 
     def error(self, joint: str, wanted: float, position: float) -> float:
-        """``wanted`` minus ``position`` [rad or m], the shorter way round for continuous joints."""
+        """Return ``wanted`` minus ``position`` [rad or m], the shorter way round for continuous joints."""
         return shortest_angle(position, wanted) if self.is_continuous(joint) else wanted - position
 
     def position(self, controller: str, joint: str, value: float) -> float:
-        """A position [rad or m] within the joint's range."""
+        """Clamp a position [rad or m] to the joint's range."""
         limits = self.limits.get(joint, _NONE)
         low = -math.inf if limits.lower is None else limits.lower
         high = math.inf if limits.upper is None else limits.upper
         return self._within(controller, joint, "position", value, low, high)
 
     def velocity(self, controller: str, joint: str, value: float) -> float:
-        """A velocity [rad/s or m/s] within the joint's limit."""
+        """Clamp a velocity [rad/s or m/s] to the joint's limit."""
         most = self.limits.get(joint, _NONE).velocity or math.inf
         return self._within(controller, joint, "velocity", value, -most, most)
 
     def effort(self, joint: str, value: float) -> float:
-        """An effort [N m or N] within the joint's limit."""
+        """Clamp an effort [N m or N] to the joint's limit."""
         limit = self.limits.get(joint, _NONE).effort
         return value if limit is None else max(-limit, min(limit, value))
 
@@ -93,7 +93,7 @@ _NONE = JointLimits(kind="continuous")
 
 @dataclass(frozen=True)
 class Ports:
-    """How a controller reaches the network: inputs, outputs, sets of parameters, the limits, and the log."""
+    """A controller's access to its node: subscriptions, publishers, parameter sets, command limits and the log."""
 
     stream: Callable[[Topic[Any]], Stream[Any]]
     advertise: Callable[[Topic[Any]], Publisher[Any]]
@@ -101,7 +101,7 @@ class Ports:
     limiter: CommandLimiter
     warn: Callable[[str], None]
     command_timeout: Callable[[], float]
-    """s; 0 for none."""
+    """Command time-out [s]; 0 for none."""
 
 
 class Controller(Protocol):
@@ -110,23 +110,23 @@ class Controller(Protocol):
     config: ControllerConfig
 
     def read(self, now: int, refusal: str) -> None:
-        """Take the commands that have come; refuse all with the reason ``refusal``, if there is one."""
+        """Process the received commands; refuse all with the reason ``refusal`` if it is not empty."""
 
     def start(self, state: RobotState, now: int) -> None:
-        """Begin to command: hold the joints where they are, or at rest."""
+        """Start commanding: hold the joints at their positions, or at rest."""
 
     def halt(self, reason: str, now: int) -> None:
-        """Command no more; what was asked for is over, for this reason."""
+        """Stop commanding; the current command or goal ends with this reason."""
 
     def update(self, state: RobotState, now: int, dt: float) -> list[JointTarget]:
-        """The targets of its joints, ``dt`` [s] after those before."""
+        """Return the targets of its joints, ``dt`` [s] after the last ones."""
 
     def publish(self, now: int) -> None:
-        """Publish its state, if that is due."""
+        """Publish its state if that is due."""
 
 
 class Due:
-    """Tells when something of a rate [Hz] is due again; of the rate 0, never."""
+    """Reports when something with a rate [Hz] is due again; with rate 0, never."""
 
     def __init__(self, rate: float) -> None:
         self._period = round(1e9 / rate) if rate > 0 else 0

@@ -17,13 +17,13 @@ from services.controller_manager.controller import Due, Ports
 from services.runtime.action_goals import Goals
 
 LARGEST = 1 << 20
-"""Bytes of a trajectory."""
+"""Maximum size of a trajectory [bytes]."""
 STATUS_RATE = 5.0
-"""Hz, as actionlib's ``status_frequency``; a change is published at once."""
+"""Status rate [Hz], as actionlib's ``status_frequency``; a change is published at once."""
 
 
 class FollowJointTrajectoryServer:
-    """The action server of one controller; ``goals`` has the states, ``active`` is the goal that is followed."""
+    """The action server of one controller; ``goals`` holds the goal states, ``active`` is the ID of the active goal."""
 
     def __init__(self, controller: str, feedback_rate: float, ports: Ports) -> None:
         def topic(name: str, record: type, quality: Quality, about: str, largest: int = 1 << 16) -> Topic:  # type: ignore[type-arg]
@@ -45,11 +45,11 @@ class FollowJointTrajectoryServer:
         self.active = ""
 
     def cancelled(self, now: int) -> list[str]:
-        """The goals that are to be given up, by the cancellations that have come."""
+        """Process the received cancellations; return the IDs of the goals to cancel."""
         return list(dict.fromkeys(goal for each in self._cancels.drain() for goal in self.goals.cancel(each, now)))
 
     def received(self, now: int) -> list[tuple[GoalID, FollowJointTrajectoryActionGoal]]:
-        """The goals that have come and are pending, oldest first, with their ids."""
+        """Return the received pending goals with their IDs, oldest first."""
         pending = []
         for message in self._goals_in.drain():
             goal = self.goals.receive(message.goal_id, f"/{self._name}", now)
@@ -62,24 +62,24 @@ class FollowJointTrajectoryServer:
         return pending
 
     def accept(self, goal: str, now: int) -> None:
-        """Follow a pending goal; the one that was followed is preempted."""
+        """Accept a pending goal; the active one is preempted."""
         if self.active:
             self.end(Status.PREEMPTED, now, "a newer trajectory takes its place")
         self.goals.accept(goal)
         self.active = goal
 
     def reject(self, goal: str, now: int, code: TrajectoryError, text: str) -> None:
-        """Refuse a pending goal."""
+        """Reject a pending goal."""
         self._publish_result(self.goals.end(goal, Status.REJECTED, now, text), code, text, now)
 
     def end(self, status: Status, now: int, text: str = "", code: TrajectoryError = TrajectoryError.SUCCESSFUL) -> None:
-        """The active goal, if there is one, ends."""
+        """End the active goal, if there is one."""
         if self.active:
             ended, self.active = self.active, ""
             self._publish_result(self.goals.end(ended, status, now, text), code, text, now)
 
     def publish(self, now: int, feedback: FollowJointTrajectoryFeedback | None) -> None:
-        """Publish status and feedback, where they are due."""
+        """Publish status and feedback if they are due."""
         due = self._status_due(now)
         if due or self.goals.changed:
             self.goals.changed = False

@@ -1,4 +1,4 @@
-"""Controllers of one joint or of a group, each commanded by a number: passed on, or through a PID."""
+"""Controllers of one joint or a group, each joint commanded by a number: forwarded, or through a PID."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from services.controller_manager.controller import MAX_GAP_S, Due, Ports, RobotS
 from services.controller_manager.joint_pid import JointPid, PidParameters
 
 STATE_RATE = 50.0
-"""Hz, of the state of a controller with a PID."""
+"""Publishing rate [Hz] of the state of a controller with a PID."""
 
 
 class JointController:
-    """The controllers of ``position_controllers``, ``velocity_controllers`` and ``effort_controllers`` that take a
-    number for each joint, and ROS 2's ForwardCommandController.
+    """The controllers of ``position_controllers``, ``velocity_controllers`` and ``effort_controllers`` that are
+    commanded by one number per joint, and ROS 2's ForwardCommandController.
 
-    From its start on it holds its joints where they are: at their positions, at rest, or without effort.
+    From its start until the first command, it holds its joints: at their positions, at rest, or without effort.
     """
 
     def __init__(self, config: ControllerConfig, ports: Ports) -> None:
@@ -49,7 +49,7 @@ class JointController:
         self._last_state: JointControllerState | None = None
 
     def read(self, now: int, refusal: str) -> None:
-        """Take the newest command."""
+        """Process the newest command."""
         for stream in self._commands:
             for message in stream.drain():
                 values = (message.data,) if isinstance(message, Float64) else message.data
@@ -65,7 +65,7 @@ class JointController:
                     self._commanded_at = now
 
     def start(self, state: RobotState, now: int) -> None:
-        """Hold the joints where they are, or at rest."""
+        """Hold the joints at their positions, or at rest."""
         held = self.config.commanded == "position"
         self._wanted = {joint: state[joint].position if held else 0.0 for joint in self.config.joints}
         self._commanded_at = None
@@ -73,11 +73,11 @@ class JointController:
             pid.reset()
 
     def halt(self, reason: str, now: int) -> None:
-        """Forget what was commanded."""
+        """Discard the command."""
         self._wanted, self._last_state, self._commanded_at = {}, None, None
 
     def update(self, state: RobotState, now: int, dt: float) -> list[JointTarget]:
-        """The targets of the joints."""
+        """Return the targets of the joints."""
         timeout = self._ports.command_timeout()
         silent = 0.0 if self._commanded_at is None else (now - self._commanded_at) / 1e9
         if self.config.commanded != "position" and 0 < timeout < silent:

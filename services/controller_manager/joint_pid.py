@@ -1,4 +1,4 @@
-"""The PID of one joint, whose gains can be set while it runs, as by control_toolbox's dynamic_reconfigure."""
+"""The PID of one joint, whose gains can change at run time, like control_toolbox's with dynamic_reconfigure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from services.runtime import Parameters, param
 
 
 class PidParameters(Parameters, frozen=True, kw_only=True):
-    """The gains of one joint, in units of its command per rad or m of error, or per rad/s or m/s."""
+    """The gains of one joint, in units of the command per rad or m of error, or per rad/s or m/s."""
 
     p: float = param(0.0, -1e6, 1e6, text="Proportional gain.")
     i: float = param(0.0, -1e6, 1e6, text="Integral gain.")
@@ -23,7 +23,7 @@ class PidParameters(Parameters, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, gains: Gains) -> PidParameters:
-        """Those that the file states."""
+        """Return the gains of the configuration file."""
         low, high = gains.bounds
         return cls(
             p=gains.p,
@@ -37,14 +37,14 @@ class PidParameters(Parameters, frozen=True, kw_only=True):
 
 
 class PidSource(Protocol):
-    """Where the gains come from: a set of the parameter service, or a constant."""
+    """Source of the gains: a set of the parameter service, or a constant."""
 
     def __call__(self) -> PidParameters:
-        """The gains as they stand."""
+        """Return the current gains."""
 
 
 Announce = Callable[[str, PidParameters], PidSource]
-"""Makes a set of parameters of a name, relative to the namespace, and returns where to read it."""
+"""Announces a parameter set by its name, relative to the namespace, and returns the source of its values."""
 
 
 class JointPid:
@@ -56,15 +56,15 @@ class JointPid:
 
     @property
     def params(self) -> PidParameters:
-        """The gains as they stand."""
+        """The current gains."""
         return self._source()
 
     def reset(self) -> None:
-        """Forget the integral and the last error."""
+        """Reset the integral and the last error."""
         self._state, self.last_error = INITIAL_PID_STATE, 0.0
 
     def step(self, error: float, dt: float, error_rate: float | None = None) -> float:
-        """The command against ``error`` after ``dt`` [s]; without an ``error_rate``, the errors' difference has it."""
+        """Return the command for ``error`` after ``dt`` [s]; without ``error_rate``, the errors are differentiated."""
         p = self.params
         gains = PidGains(p.p, p.i, p.d, p.i_clamp_min, p.i_clamp_max, p.antiwindup)
         command, self._state = pid_command(gains, self._state, error, dt, error_rate)

@@ -1,4 +1,4 @@
-"""The loop of the controller manager: reads the joints, lets the controllers work, and commands the joints."""
+"""The loop of the controller manager: reads joint states, updates the controllers and publishes joint commands."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.step import STEP_NS
 
 FASTEST = 200.0
-"""Hz, the rate of the physics; files for hardware may ask for more."""
+"""Maximum control rate [Hz], the rate of the physics; files for hardware may ask for more."""
 MIN_PERIODS = 2
-"""Least duration of a command in periods, so that a late tick does not end it."""
+"""Minimum duration of a command in periods, so that a late tick does not end it."""
 WARN_PERIOD_S = 5.0
-"""Wall time between two log lines of one kind."""
+"""Minimum wall time between repeated log lines."""
 PATIENCE_S = 2.0
-"""Simulation time without a robot after which the log says so."""
+"""Simulation time without a robot after which a warning is logged."""
 
 
 def run(ctx: Context[ControllerManagerParameters]) -> None:
-    """Command the joints until asked to stop, then leave them to the simulation, which holds them."""
+    """Command the joints until asked to stop, then release them to the simulation, which holds them."""
     if not ctx.params.config:
         raise BadInput("config is missing: the YAML file of the controllers")
     config = read_stated(ctx.params.config, ctx.namespace, ctx.params.controllers)
@@ -47,8 +47,8 @@ def run(ctx: Context[ControllerManagerParameters]) -> None:
 
 
 def control_rate(asked: float, config: ManagerConfig, lockstep: bool) -> float:
-    """The control rate [Hz]: what is ``asked``, else that of the file, at most FASTEST; in lockstep, the next one below
-    whose period is a whole number of physics steps."""
+    """Return the control rate [Hz]: ``asked``, or else the file's, at most FASTEST; in lockstep, the file's is rounded
+    down so that its period is a whole number of physics steps."""
     rate = min(asked or config.update_rate, FASTEST)
     if not lockstep or asked:
         return rate
@@ -57,10 +57,10 @@ def control_rate(asked: float, config: ManagerConfig, lockstep: bool) -> float:
 
 
 class _ManagerLoop:
-    """Runs the controllers of one robot: from its description and its joints to the joints' targets.
+    """Runs the controllers of one robot: reads its description and joint states, publishes joint targets.
 
-    The controllers begin where the joints are, again after an emergency stop, a reset of time, or a
-    time without joints.
+    The controllers start at the joints' current positions, and again after an emergency stop, a reset of time, or a gap
+    in the joint states.
     """
 
     def __init__(self, ctx: Context[ControllerManagerParameters], config: ManagerConfig) -> None:
@@ -113,12 +113,12 @@ class _ManagerLoop:
         self._manager.publish(now)
 
     def release(self, now: int) -> None:
-        """Command no joint any more: the simulation holds them, or lets go of those that felt an effort."""
+        """Release all joints: the simulation holds them, or lets those move freely that were commanded by effort."""
         if self._started_at is not None:
             self._command.publish(JointCommand(header=Header(stamp=Time.of(now)), duration=0.0))
 
     def _announce(self, name: str, params: PidParameters) -> PidSource:
-        """Follow a set of gains of the parameter service; the file's are what a fleet states."""
+        """Subscribe to a set of gains of the parameter service; the file's gains count as the fleet's values."""
         node = self._ctx.node
         fields = {each: getattr(params, each) for each in params.__struct_fields__}
         followed = ParameterSubscription(node, node.identity.resolve(name), params, fleet=fields)
@@ -127,9 +127,10 @@ class _ManagerLoop:
         return lambda: followed.params
 
     def _read_description(self) -> None:
-        """Take the robot's URDF when it comes, or another one does.
+        """Process the robot's URDF when a new one is published.
 
-        Raises BadInput where the first lacks a joint: then the file is wrong. A later one that is bad is not taken.
+        Raises BadInput if the first one lacks a joint, since the configuration is then wrong. A later bad one is
+        refused.
         """
         description = self._descriptions.value
         if description is None or description.data == self._seen_urdf:
@@ -156,7 +157,7 @@ class _ManagerLoop:
         return ""
 
     def _joints(self, now: int) -> RobotState | None:
-        """The joints as last heard; None, said in the log, when that is too long ago, or one of them is missing."""
+        """Return the latest joint states; None, with a warning, if they are too old or a joint is missing."""
         message = self._feedback.fresh(self._ctx.params.state_timeout)
         if message is not None and self._described:
             state = robot_state(message)

@@ -1,4 +1,4 @@
-"""The controllers of a robot: which of them run, which joints they have, and the joints' targets at each tick."""
+"""The controllers of a robot: which are running, which joints they claim, and the joints' targets at each tick."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from services.controller_manager.trajectory_controller import TrajectoryControll
 from services.runtime.errors import BadInput, unknown_name
 
 BEST_EFFORT = 1
-"""``strictness`` of a switch that leaves out what cannot be done; every other one then does nothing."""
+"""``strictness`` of a switch that skips what cannot be switched; with any other value nothing is switched then."""
 
 State = Literal["initialized", "running", "stopped"]
 
@@ -27,11 +27,11 @@ class ControllerManager:
 
     Args:
         config: The controllers of the file.
-        chosen: Those to start; empty for all, in the order of the file, whose joints no other one has by then.
-        ports: How they reach the network.
+        chosen: Controllers to start; if empty, all in the order of the file whose joints are not claimed yet.
+        ports: Their access to the node.
 
     Raises:
-        BadInput: A name in ``chosen`` does not exist, or two of them want one joint.
+        BadInput: A name in ``chosen`` does not exist, or two of them claim the same joint.
     """
 
     def __init__(self, config: ManagerConfig, chosen: Iterable[str], ports: Ports) -> None:
@@ -48,9 +48,9 @@ class ControllerManager:
             for joint, gains in config.hardware_gains.items()
         }
         self._started: set[str] = set()
-        """Running controllers that have seen the joints."""
+        """Running controllers that have started to command, at known joint states."""
         self.stopped_by = ""
-        """Why nothing may move at present; empty if it may."""
+        """Why no joint may be commanded at present; empty if commands are allowed."""
         chosen = tuple(chosen)
         for name in chosen:
             self._check_name(name)
@@ -59,16 +59,16 @@ class ControllerManager:
 
     @property
     def running(self) -> tuple[str, ...]:
-        """The controllers that run, in the order of the file."""
+        """The running controllers, in the order of the file."""
         return tuple(name for name, state in self._states.items() if state == "running")
 
     def check_joints(self, limits: Mapping[str, JointLimits]) -> None:
-        """Take the limits of the robot's joints; raises BadInput, with the place in the file, for one that it lacks."""
+        """Set the limits of the robot's joints; raises BadInput, with the place in the file, for a missing joint."""
         self._config.check_joints(limits)
         self._ports.limiter.limits = limits
 
     def list_controllers(self, _: Empty) -> ListControllersResponse:
-        """All controllers and their states."""
+        """List all controllers and their states."""
         return ListControllersResponse(
             controller=tuple(
                 ControllerState(
@@ -84,7 +84,7 @@ class ControllerManager:
         )
 
     def switch_controller(self, asked: SwitchController, now: int = 0) -> SwitchControllerResponse:
-        """Stop some controllers and start others; raises BadInput with nothing changed if that cannot be done."""
+        """Stop some controllers and start others; raises BadInput, with nothing changed, if that is impossible."""
         best_effort = asked.strictness == BEST_EFFORT
         for name in (*asked.start_controllers, *asked.stop_controllers):
             if not best_effort:
@@ -101,7 +101,7 @@ class ControllerManager:
         return SwitchControllerResponse(ok=True)
 
     def read(self, now: int) -> None:
-        """Let every controller take what has come for it."""
+        """Let every controller process its received commands."""
         for name, each in self._controllers.items():
             refusal = self.stopped_by
             if self._states[name] != "running":
@@ -111,21 +111,21 @@ class ControllerManager:
             each.read(now, refusal)
 
     def halt(self, reason: str, now: int) -> None:
-        """Restart all controllers once the joints are seen again."""
+        """Stop commanding; all controllers restart once joint states are available again."""
         for name in tuple(self._started):
             self._halt(name, reason, now)
         for pid in self._hardware.values():
             pid.reset()
 
     def start(self, state: RobotState, now: int) -> None:
-        """Let the running controllers that have not started yet begin where the joints are."""
+        """Start the running controllers that are not commanding yet at the joints' current positions."""
         for name in self.running:
             if name in self._controllers and name not in self._started:
                 self._controllers[name].start(state, now)
                 self._started.add(name)
 
     def update(self, state: RobotState, now: int, dt: float) -> tuple[JointTarget, ...]:
-        """The targets of all joints that are commanded, ``dt`` [s] after those before."""
+        """Return the targets of all commanded joints, ``dt`` [s] after the last ones."""
         targets = []
         for name in self.running:
             if name in self._started:
@@ -138,7 +138,7 @@ class ControllerManager:
             each.publish(now)
 
     def _by_effort(self, target: JointTarget, state: RobotState, dt: float) -> JointTarget:
-        """The target as an effort, where gazebo_ros_control has gains for the joint."""
+        """Convert the target to an effort if gazebo_ros_control has gains for the joint."""
         joint = target.joint_name
         pid = self._hardware.get(joint)
         if pid is None or target.interface == "effort":
@@ -154,7 +154,7 @@ class ControllerManager:
             self._controllers[name].halt(reason, now)
 
     def _start(self, names: Iterable[str]) -> None:
-        """Let controllers run, but those of which another one has a joint."""
+        """Set controllers running, except those with a joint that another one has claimed."""
         left_out = []
         for name in names:
             claimed = self._claimed()
@@ -166,7 +166,7 @@ class ControllerManager:
             self._ports.warn(f"not started, as others have their joints: {', '.join(left_out)}")
 
     def _claimed(self) -> dict[str, str]:
-        """The joints of the running controllers, with these."""
+        """Return the claimed joints, each with its running controller."""
         return {joint: name for name in self.running for joint in self._configs[name].joints}
 
     def _check_name(self, name: str) -> None:
@@ -182,7 +182,7 @@ class ControllerManager:
 
 
 def _make(config: ControllerConfig, ports: Ports) -> Controller | None:
-    """The controller of a kind; the joint states are the simulation's own."""
+    """Create the controller of a kind; None for joint states, which the simulation publishes itself."""
     match config.kind:
         case "trajectory":
             return TrajectoryController(config, ports)

@@ -16,7 +16,7 @@ Coefficients = tuple[float, float, float, float, float, float]
 
 
 class JointPoint(NamedTuple):
-    """Positions [rad or m], velocities [1/s] and accelerations [1/s2] of joints; None where they are not stated."""
+    """Positions [rad or m], velocities [1/s] and accelerations [1/s2] of joints; None if unspecified."""
 
     positions: Values
     velocities: Values | None = None
@@ -35,7 +35,7 @@ class Sampled(NamedTuple):
 class Segment:
     """The polynomials of all joints from ``start`` to ``end`` [ns]: c0 + c1 t + … + c5 t^5, t in s from the start.
 
-    ``goal`` is the id of the goal that it belongs to, empty for none.
+    ``goal`` is the ID of the goal that it belongs to, empty for none.
     """
 
     start: int
@@ -45,7 +45,7 @@ class Segment:
     goal: str = ""
 
     def at(self, now: int) -> Sampled:
-        """The joints at ``now`` [ns]: before the start as there, from the end on at rest at the end."""
+        """Sample the joints at ``now`` [ns]: before the start as at the start, from the end on at rest at the end."""
         if now >= self.end:
             zeros = (0.0,) * len(self.final)
             return Sampled(self.final, zeros, zeros)
@@ -56,45 +56,45 @@ class Segment:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Segments in the order of their starts; each holds until the next one starts."""
+    """Segments in order of their start times; each is valid until the next one starts."""
 
     segments: tuple[Segment, ...]
 
     def segment(self, now: int) -> Segment:
-        """The segment that holds at ``now`` [ns]: the last that has started, else the first."""
+        """Return the segment at ``now`` [ns]: the last that has started, else the first."""
         return self.segments[max(0, bisect_right(self.segments, now, key=lambda each: each.start) - 1)]
 
     def at(self, now: int) -> Sampled:
-        """The joints at ``now`` [ns]."""
+        """Sample the joints at ``now`` [ns]."""
         return self.segment(now).at(now)
 
     @property
     def end(self) -> int:
-        """When the last segment ends, ns."""
+        """The end of the last segment, ns."""
         return self.segments[-1].end
 
     def until(self, now: int, start: int) -> tuple[Segment, ...]:
-        """The segments that still hold at ``now`` or later, and start before ``start`` [ns]."""
+        """Return the segments that are valid at ``now`` or later and start before ``start`` [ns]."""
         first = self.segments.index(self.segment(now))
         return tuple(each for each in self.segments[first:] if each.start < start)
 
 
 def hold(positions: Values, now: int, goal: str = "") -> Trajectory:
-    """The trajectory that stays at ``positions`` from ``now`` [ns] on."""
+    """Return the trajectory that stays at ``positions`` from ``now`` [ns] on."""
     rows = tuple((each, 0.0, 0.0, 0.0, 0.0, 0.0) for each in positions)
     return Trajectory((Segment(now, now, rows, positions, goal),))
 
 
 def segment(start: int, end: int, first: JointPoint, last: JointPoint, goal: str = "", splines: bool = True) -> Segment:
-    """The segment between two points: quintic where both state velocities and accelerations, cubic where both state
-    velocities, else linear, as ROS's JointTrajectoryController chooses. Without ``splines`` it jumps at its end.
+    """Return the segment between two points: quintic if both have velocities and accelerations, cubic if both have
+    velocities, else linear, as ROS's JointTrajectoryController chooses. Without ``splines``, it jumps at its end.
 
     Args:
-        start: When ``first`` holds, ns.
-        end: When ``last`` holds, ns.
-        first: Where the joints are at the start.
-        last: Where they are at the end.
-        goal: The goal that it belongs to.
+        start: Time of ``first``, ns.
+        end: Time of ``last``, ns.
+        first: The joints at the start.
+        last: The joints at the end.
+        goal: The ID of the goal that it belongs to.
         splines: Whether to interpolate at all.
     """
     duration = (end - start) / 1e9
@@ -114,13 +114,13 @@ def segment(start: int, end: int, first: JointPoint, last: JointPoint, goal: str
 
 
 def cubic(p0: float, v0: float, p1: float, v1: float, t: float) -> Coefficients:
-    """The cubic from position ``p0`` and velocity ``v0`` to ``p1`` and ``v1`` within ``t`` [s]."""
+    """Return the cubic from position ``p0`` and velocity ``v0`` to ``p1`` and ``v1`` within ``t`` [s]."""
     d = p1 - p0
     return p0, v0, (3 * d - (2 * v0 + v1) * t) / t**2, (-2 * d + (v0 + v1) * t) / t**3, 0.0, 0.0
 
 
 def quintic(start: tuple[float, float, float], end: tuple[float, float, float], t: float) -> Coefficients:
-    """The quintic from position, velocity and acceleration at ``start`` to those at ``end`` within ``t`` [s]."""
+    """Return the quintic from position, velocity and acceleration at ``start`` to those at ``end`` within ``t`` [s]."""
     (p0, v0, a0), (p1, v1, a1) = start, end
     d = p1 - p0
     return (
@@ -134,7 +134,7 @@ def quintic(start: tuple[float, float, float], end: tuple[float, float, float], 
 
 
 def _polynomial(c: Sequence[float], t: float) -> tuple[float, float, float]:
-    """Value, first and second derivative of a polynomial of the fifth degree."""
+    """Return value, first and second derivative of a quintic polynomial."""
     return (
         c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5])))),
         c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5]))),
@@ -144,7 +144,7 @@ def _polynomial(c: Sequence[float], t: float) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class JointLimit:
-    """How far one joint may be off in position [rad or m] and velocity [rad/s or m/s]; 0 for no limit."""
+    """Maximum error of one joint in position [rad or m] and velocity [rad/s or m/s]; 0 for no limit."""
 
     position: float = 0.0
     velocity: float = 0.0
@@ -152,8 +152,8 @@ class JointLimit:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """By joints: ``path`` holds on the way, ``goal`` at the end, which must be reached ``goal_time`` [s] after it was
-    due; None waits for it without limit."""
+    """Tolerances by joint: ``path`` applies on the way, ``goal`` at the end, which must be reached within ``goal_time``
+    [s] after it was due; None waits without limit."""
 
     path: Mapping[str, JointLimit] = field(default_factory=dict)
     goal: Mapping[str, JointLimit] = field(default_factory=dict)
@@ -161,7 +161,7 @@ class Tolerances:
 
 
 def default_tolerances(joints: Iterable[str], config: TrajectoryConfig) -> Tolerances:
-    """The terms of a controller."""
+    """Return the tolerances of a controller's configuration."""
     path, goal = {}, {}
     for joint in joints:
         if (stated := config.constraints.get(joint)) is not None and stated.trajectory:
@@ -172,7 +172,8 @@ def default_tolerances(joints: Iterable[str], config: TrajectoryConfig) -> Toler
 
 
 def goal_tolerances(goal: FollowJointTrajectoryGoal, own: Tolerances, joints: tuple[str, ...]) -> Tolerances:
-    """The terms of a goal: what it states wins; 0 leaves the controller's, a negative value is no limit.
+    """Return the tolerances of a goal: its own take precedence; 0 keeps the controller's, a negative value means no
+    limit.
 
     Raises BadInput for a joint that the controller does not have.
     """
@@ -186,7 +187,7 @@ def goal_tolerances(goal: FollowJointTrajectoryGoal, own: Tolerances, joints: tu
 def violation(
     limits: Mapping[str, JointLimit], joints: tuple[str, ...], errors: Iterable[float], rates: Iterable[float]
 ) -> str:
-    """What exceeds the limits, in a few words; empty if nothing does."""
+    """Describe the first violated limit; empty if there is none."""
     for joint, error, rate in zip(joints, errors, rates, strict=True):
         limit = limits.get(joint)
         if limit is None:

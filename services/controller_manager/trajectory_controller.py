@@ -1,4 +1,4 @@
-"""The trajectory controller: follows trajectories of several joints, from a topic or as goals of an action."""
+"""The trajectory controller: follows trajectories of several joints, from a topic or as action goals."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from services.runtime.errors import BadInput
 
 
 class TrajectoryController:
-    """Follows one trajectory at a time; a newer one takes its place from its own start on.
+    """Follows one trajectory at a time; a newer one replaces it from its own start time on.
 
-    At its start, after a trajectory that was given up, and at the end of one it holds the joints where they are.
+    When it starts, after an abandoned trajectory, and at the end of one, it holds the joints where they are.
     """
 
     def __init__(self, config: ControllerConfig, ports: Ports) -> None:
@@ -72,7 +72,7 @@ class TrajectoryController:
         self._last_feedback: FollowJointTrajectoryFeedback | None = None
 
     def read(self, now: int, refusal: str) -> None:
-        """Take cancellations, then goals, then trajectories of the topics, each as it came."""
+        """Process the received cancellations, then goals, then trajectories from topics, each in order of arrival."""
         for goal in self._server.cancelled(now):
             if goal == self._server.active:
                 self._server.end(Status.PREEMPTED, now, "it was cancelled")
@@ -91,12 +91,12 @@ class TrajectoryController:
             pid.reset()
 
     def halt(self, reason: str, now: int) -> None:
-        """Give up what is followed."""
+        """Abort the active goal and trajectory."""
         self._server.end(Status.ABORTED, now, reason, TrajectoryError.INVALID_GOAL)
         self._trajectory, self._last_feedback = None, None
 
     def update(self, state: RobotState, now: int, dt: float) -> list[JointTarget]:
-        """The targets of the joints, after the goal was judged by where they are."""
+        """Return the targets of the joints, after checking the goal's tolerances against their positions."""
         if self._trajectory is None:
             return []
         joints, limiter = self.config.joints, self._ports.limiter
@@ -189,11 +189,11 @@ class TrajectoryController:
         )
 
     def _judge(self, errors: Values, rate_errors: Values, now: int) -> bool:
-        """End the active goal, if it is reached or missed; whether its trajectory was given up."""
+        """End the active goal if it is reached or violated; return whether its trajectory was aborted."""
         trajectory, joints, server = self._trajectory, self.config.joints, self._server
         assert trajectory is not None
         if now < trajectory.end:
-            # On the way to the start of a later goal the one before is followed, by whose terms nobody judges.
+            # Until a later goal starts, the earlier trajectory is followed, and no tolerances are checked.
             if trajectory.segment(now).goal != server.active:
                 return False
             if not (why := violation(self._tolerances.path, joints, errors, rate_errors)):
@@ -214,7 +214,7 @@ class TrajectoryController:
         return True
 
     def _hold(self, now: int) -> None:
-        """Stay where the joints are."""
+        """Hold the joints where they are."""
         if self._actual:
             self._trajectory = hold(self._actual, now)
 

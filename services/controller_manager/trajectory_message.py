@@ -1,4 +1,4 @@
-"""From a ``JointTrajectory`` to segments: checked, joints in the controller's order, points of the past left out."""
+"""Converts a ``JointTrajectory`` to segments: validated, joints in the controller's order, past points dropped."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from services.runtime.errors import BadInput, did_you_mean
 
 MAX_POINTS = 10_000
 MAX_DURATION_NS = 86_400_000_000_000
-"""A day: how far ahead a trajectory may begin, and how long it may last."""
+"""Maximum time ahead of a trajectory's start, and maximum duration: one day."""
 
 
 class BadTrajectory(BadInput):
-    """A trajectory cannot be followed; ``code`` is why, as the result of its goal has it."""
+    """A trajectory cannot be followed; ``code`` is the error code in the result of its goal."""
 
     def __init__(self, code: TrajectoryError, text: str) -> None:
         super().__init__(text)
@@ -33,23 +33,23 @@ def plan(
     now: int,
     goal: str = "",
 ) -> Trajectory:
-    """The trajectory to follow from ``now`` [ns] on: the ``current`` one up to the start of the message's, then that.
+    """Return the trajectory to follow from ``now`` [ns] on: ``current`` until the start of the message's, then that.
 
-    As in ROS's JointTrajectoryController, points of the past are dropped, the way to the first that is left begins at
-    what is wanted then, joints that are not named hold their place (where partial goals are allowed), and continuous
+    As in ROS's JointTrajectoryController, past points are dropped, the segment to the first remaining point begins at
+    the desired state at that time, unnamed joints hold their position (if partial goals are allowed), and continuous
     joints turn the shorter way to the first point.
 
     Args:
-        message: The trajectory; a stamp of 0 is ``now``.
+        message: The trajectory; a stamp of 0 means ``now``.
         joints: The controller's joints.
         continuous: Those of them that are continuous.
-        config: The controller's terms.
-        current: What is followed at present.
-        now: The time.
-        goal: The id of the goal that asks for it.
+        config: The controller's settings.
+        current: The trajectory followed at present.
+        now: The time [ns].
+        goal: The ID of the goal, empty for none.
 
     Raises:
-        BadTrajectory: It cannot be followed, with the reason.
+        BadTrajectory: It cannot be followed; the text has the reason.
     """
     order = _order(message, joints, config.allow_partial_joints_goal)
     _check_points(message, config)
@@ -84,7 +84,7 @@ def plan(
 
 
 def _order(message: JointTrajectory, joints: tuple[str, ...], partial: bool) -> list[int | None]:
-    """For each of the controller's joints, its place in the message."""
+    """Return the index in the message of each of the controller's joints; None if it is missing."""
     names = message.joint_names
     code = TrajectoryError.INVALID_JOINTS
     if not names:
@@ -136,7 +136,7 @@ def _wrap(
     continuous: Collection[str],
     wanted: Sampled,
 ) -> Values:
-    """What is added to each joint's positions, so that it turns less than half a turn to the first point, rad."""
+    """Return the offset [rad] of each joint's positions with which it turns at most half a turn to the first point."""
     offsets = []
     for joint, place, position in zip(joints, order, wanted.positions, strict=True):
         turns = 0
@@ -147,7 +147,7 @@ def _wrap(
 
 
 def _point(point: JointTrajectoryPoint, order: list[int | None], wanted: Sampled, offsets: Values) -> JointPoint:
-    """A point in the order of the controller's joints; those that it does not name stay where they are wanted."""
+    """Return a point in the order of the controller's joints; unnamed joints stay at their desired positions."""
     positions = tuple(
         wanted.positions[joint] if place is None else point.positions[place] + offsets[joint]
         for joint, place in enumerate(order)

@@ -8,7 +8,7 @@ from typing import Generic, Literal, TypeVar
 Command = TypeVar("Command")
 
 MAX_SIM_PERIOD_S = 0.1
-"""Simulation time [s] after which a command is repeated, however little wall time that is; bases time out at 0.25 s."""
+"""Simulation time [s] after which a command is repeated, whatever the wall time; bases time out at 0.25 s."""
 
 
 class CommandRepeater(Generic[Command]):
@@ -16,7 +16,7 @@ class CommandRepeater(Generic[Command]):
 
     Args:
         rate: Repeats per second of wall time [Hz], but at least one per MAX_SIM_PERIOD_S of simulation time, so that a
-            base does not time out in a simulation faster than the wall clock. 0 repeats nothing: a command is sent with
+            base does not time out in a simulation faster than the wall clock. 0 disables repeats: a command is sent at
             each key event, and one zero at the end.
         release_after: Simulation time [s] for which ``still`` is sent after a motion, before others may drive.
         still: The command for standing still.

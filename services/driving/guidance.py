@@ -18,22 +18,22 @@ class Segment(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Metres from start to end."""
+        """Length [m]."""
         return math.hypot(self.x1 - self.x0, self.y1 - self.y0)
 
     @property
     def heading(self) -> float:
-        """Direction of travel, rad."""
+        """Direction of travel [rad]."""
         return math.atan2(self.y1 - self.y0, self.x1 - self.x0)
 
     def remaining_and_offset(self, here: Pose2) -> tuple[float, float]:
-        """Distance left along the leg, negative past its end, and offset to the left of it, both m."""
+        """Return the distance to the segment's end along it [m], negative past it, and the offset to its left [m]."""
         c, s = math.cos(self.heading), math.sin(self.heading)
         dx, dy = here.x - self.x1, here.y - self.y1
         return -(dx * c + dy * s), dy * c - dx * s
 
     def distance_to_end(self, here: Pose2) -> float:
-        """Straight distance to the end, m."""
+        """Return the straight-line distance to the end [m]."""
         return math.hypot(self.x1 - here.x, self.y1 - here.y)
 
 

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 @dataclass(frozen=True)
 class PidGains:
-    """``p`` is in units of the command per unit of the error, ``i`` per unit and second, ``d`` per unit of its rate.
+    """Gains: ``p`` in units of the command per unit of error, ``i`` per unit and second, ``d`` per unit of its rate.
 
-    ``i_min`` and ``i_max`` bound the integral's share of the command, ``limit`` clamps the command. Without
-    ``antiwindup`` the share is clamped while the integral goes on growing; with it, the integral itself is.
+    ``i_min`` and ``i_max`` bound the integral term, ``limit`` the command. Without ``antiwindup``, only the term is
+    clamped while the integral keeps growing; with it, the integral itself is clamped.
     """
 
     p: float
@@ -37,10 +37,10 @@ INITIAL_PID_STATE = PidState()
 def pid_command(
     gains: PidGains, memory: PidState, error: float, dt: float, error_rate: float | None = None
 ) -> tuple[float, PidState]:
-    """The command against ``error`` (wanted less measured) over ``dt`` [s], and what is remembered.
+    """Return the command for ``error`` (desired minus measured) over ``dt`` [s], and the new state.
 
-    The derivative is ``error_rate`` [1/s], or else the difference of the errors over ``dt``, 0 at the first. An error
-    that is not finite, or no time, gives 0 and changes nothing.
+    The derivative is ``error_rate`` [1/s] if given, else the difference of the errors over ``dt``, 0 at the first. A
+    non-finite error or a ``dt`` that is not positive yields 0 and leaves the state unchanged.
     """
     if not isfinite(error) or not isfinite(dt) or dt <= 0.0:
         return 0.0, memory

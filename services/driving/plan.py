@@ -27,12 +27,12 @@ NO_GOAL = Goal(0.0, 0.0)
 """Placeholder when there is no goal."""
 
 MAX_PUBLISHED = 20_000
-"""Goals of a plan that are published, which take 3 MB. A longer plan is driven to its end, and published up to here."""
+"""Maximum number of published goals, which take 3 MB. A longer plan is driven to its end, but published up to here."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Goals to reach in order; an endless plan starts again after the last."""
+    """Goals to reach in order; an endless plan restarts after the last."""
 
     goals: tuple[Goal, ...] = ()
     endless: bool = False
@@ -41,7 +41,7 @@ class Plan:
     def through(cls, points: Sequence[tuple[float, float]], laps: int = 1, final_yaw: float | None = None) -> Plan:
         """Return the plan through ``points`` [m]: all laps in full, with the final heading [rad] on the last goal.
 
-        No laps stand for endlessly many.
+        ``laps`` = 0 makes the plan endless.
         """
         goals = tuple(Goal(x, y) for x, y in points) * max(1, laps)
         if goals and final_yaw is not None and laps:
@@ -49,13 +49,13 @@ class Plan:
         return cls(goals, endless=laps == 0)
 
     def next_index(self, index: int) -> int | None:
-        """Index of the goal after ``index``; None after the last."""
+        """Return the index of the goal after ``index``; None after the last."""
         if index + 1 < len(self.goals):
             return index + 1
         return 0 if self.endless else None
 
     def previous_goal(self, index: int) -> Goal | None:
-        """The goal before ``index``; None for the first."""
+        """Return the goal before ``index``; None for the first."""
         return self.goals[index - 1] if index > 0 or self.endless else None
 
 
@@ -75,7 +75,7 @@ class Progress:
 
 
 def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
-    """The planar pose and velocity in an odometry message."""
+    """Return the planar pose and velocity of an odometry message."""
     return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
 
 
@@ -97,13 +97,13 @@ class PlanReporter:
         self._plan = None
 
     def report_plan(self, plan: Plan, header: Header) -> None:
-        """Publish the plan if it is a new one; its first status follows in any case."""
+        """Publish the plan if it is new; its first status follows in any case."""
         if plan is not self._plan:
             self._plan, self._shown = plan, None
             self._publish_plan(path_message(plan, header))
 
     def report_status(self, progress: Progress, header: Header) -> bool:
-        """Publish the status if it is another one; returns whether it was."""
+        """Publish the status if it changed; return whether it did."""
         if self._shown == (progress.state, progress.index):
             return False
         self._shown = progress.state, progress.index
@@ -112,14 +112,14 @@ class PlanReporter:
 
 
 def plan_to_pose(asked: PoseStamped, frame: str) -> Plan:
-    """The plan to a pose with its heading; raises BadInput unless the pose is in the world or in the odom ``frame``."""
+    """Return the plan to a pose with its heading; raises BadInput unless it is in the world or the odom ``frame``."""
     if asked.header.frame_id not in ("", "world", frame):
         raise BadInput(f"goal refused: its frame {asked.header.frame_id!r} is neither 'world' nor {frame!r}")
     return Plan((Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw),))
 
 
 def path_message(plan: Plan, header: Header) -> Path:
-    """Return the plan as a message, of at most MAX_PUBLISHED goals; those with any heading have yaw 0."""
+    """Return the plan as a message of at most MAX_PUBLISHED goals; goals with any heading have yaw 0."""
     goals = plan.goals[:MAX_PUBLISHED]
     return Path(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(goal)) for goal in goals))
 

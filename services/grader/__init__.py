@@ -12,7 +12,7 @@ from services.runtime import Parameters, Service, param
 
 
 class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the base of robot ``name`` brakes: ``timeout`` [s] after the last command, at ``brake`` [m/s2]."""
+    """Braking of the base of robot ``name``: ``timeout`` [s] after the last command, at ``brake`` [m/s2]."""
 
     name: str
     timeout: Annotated[float, Meta(ge=0, extra={"unit": "s"})]
@@ -20,8 +20,8 @@ class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class SizeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The size of robot ``name``: a circle of ``radius`` [m] around its base frame, in which it reaches from
-    ``bottom`` to ``top`` [m]; without a top, to any height."""
+    """The size of robot ``name``: a circle of ``radius`` [m] around its base frame, from ``bottom`` to ``top`` [m]
+    above it; without a top, unlimited."""
 
     name: str
     radius: Annotated[float, Meta(gt=0, extra={"unit": "m"})]
@@ -32,8 +32,8 @@ class SizeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """An arm: its ``name``, the controlled ``joint``, and the largest effort [N m] of its controller.
 
-    ``state`` is the topic on which the controller publishes its state at each tick. An arm that a program controls has
-    none: its set-point is what is last heard on ``reference``, its effort that of the joint's state.
+    ``state`` is the topic on which the controller publishes its state at each tick. An arm controlled by a program has
+    none: its set-point is the last message on ``reference``, its effort that of the joint states.
     """
 
     name: str

@@ -13,7 +13,7 @@ from services.grader.records import ArmFigures, StepFigures
 from services.grader.trajectory import Fingerprint, Trail
 
 MAX_DURATION_S = 20.0
-"""Longest time [s] of a step response that is measured."""
+"""Longest measured duration [s] of a step response."""
 MIN_DURATION_S = 1.0
 """Shortest time [s] of a constant set-point that counts as a step."""
 FINAL_WINDOW_S = 0.5
@@ -65,7 +65,7 @@ class StepResponse:
 
 
 def _settling_time(shares: Sequence[Sample]) -> float:
-    """Time at which the angle entered the band for good, interpolated linearly."""
+    """Return the time at which the angle entered the band for good, interpolated linearly."""
     last = max(number for number, (_, share) in enumerate(shares) if abs(share - 1.0) > SETTLING_BAND)
     (t0, a), (t1, b) = shares[last], shares[min(last + 1, len(shares) - 1)]
     edge = 1.0 + math.copysign(SETTLING_BAND, a - 1.0)
@@ -73,7 +73,7 @@ def _settling_time(shares: Sequence[Sample]) -> float:
 
 
 def _crossing_time(shares: Sequence[Sample], level: float) -> float:
-    """Time of the first crossing of a level, interpolated linearly."""
+    """Return the time of the first crossing of a level, interpolated linearly."""
     for (t0, a), (t1, b) in pairwise(shares):
         if a < level <= b:
             return t0 + (t1 - t0) * (level - a) / (b - a)
@@ -83,7 +83,7 @@ def _crossing_time(shares: Sequence[Sample], level: float) -> float:
 SET_POINT_REST_S = 0.5
 """Time [s] without a change after which a set-point counts as resting."""
 TRANSIENT_S = 1.0
-"""Time [s] at the start of each motion that is left out."""
+"""Time [s] at the start of each motion that is excluded."""
 MIN_STEP_DEG = 1.0
 """Smallest change [deg] of a resting set-point that counts as a step."""
 
@@ -145,7 +145,7 @@ class SetPointMetrics:
 
     @property
     def largest_step(self) -> StepFigures | None:
-        """The largest step, the first of equals."""
+        """The largest step, the first of several equal ones."""
         return max(self.steps, key=lambda each: abs(each.to_deg - each.from_deg), default=None)
 
     def resting_time(self, time: float) -> float:
@@ -173,7 +173,7 @@ class SetPointMetrics:
             self._step = StepResponse(time, before, after) if abs(after - before) >= MIN_STEP_DEG else None
             self._steps += [self._step] if self._step else []
         else:
-            # The change before this one was the beginning of a motion, and no step.
+            # The previous change was the beginning of a motion, not a step.
             if self._step is not None and self._step.start_time == self._changed:
                 self._steps.remove(self._step)
             self._step, self._moving = None, True

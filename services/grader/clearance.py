@@ -1,4 +1,4 @@
-"""How near each robot came to a body of the world."""
+"""The clearance of each robot from the bodies of the world."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from services.markers.footprint import Footprint, NearestBody
 from services.markers.world_bodies import FIXED, GROUND, World, WorldBody
 
 STEP_HEIGHT = 0.02
-"""m; what reaches no higher above the lowest point of a robot is driven over."""
+"""Height [m] above a robot's lowest point up to which it drives over a body."""
 
 AT_REST = 1e-6
-"""m, and of a quaternion's components; a body that moved by less has not moved."""
+"""Tolerance in m, and of quaternion components, below which a body has not moved."""
 
 PATH_STEP, MAX_PATH = 0.05, 4000
-"""m between two points of a body's path, and how many of them are kept."""
+"""Distance [m] between two points of a body's path, and the maximum number of points kept."""
 
 MAX_WAITING = 50_000
-"""Samples that wait for the next state of the world's moving bodies, beyond which the last known one counts; and states
-that are kept."""
+"""Maximum number of samples that wait for the next state of the moving bodies, beyond which the last known state is
+used; also the maximum number of states kept."""
 
 Floats = NDArray[np.float64]
 Poses = Mapping[str, Pose3]
 
 
 class Clearance(NamedTuple):
-    """The least distance [m] between a robot's circle and a body's outline, when it was [s], and the body's name."""
+    """The smallest distance [m] between a robot's circle and a body's outline, its time [s], and the body's name."""
 
     distance: float = math.inf
     at: float = math.nan
@@ -55,11 +55,11 @@ class _Sample(NamedTuple):
 class ClearanceMeter:
     """Measures the clearance of robots of the given sizes from the bodies of the world.
 
-    ``least`` has the smallest of each robot, ``paths`` the points [m] through which each body moved.
+    ``least`` holds the smallest clearance of each robot, ``paths`` the points [m] through which each body moved.
 
-    Distances are planar: the robot is the circle of its radius, a body its outline from above. Bodies that lie higher
-    than the robot reaches, and those over which it drives, do not count. Samples wait until the world is known, and
-    with moving bodies until the state after them is: where these are in between is interpolated.
+    Distances are planar: the robot is the circle of its radius, a body its outline from above. Bodies above the robot's
+    top, and those that it can drive over, are ignored. Samples wait until the world is known, and with moving bodies
+    until their next state has arrived, so that their poses can be interpolated.
     """
 
     def __init__(self, sizes: Mapping[str, SizeSpec]) -> None:
@@ -77,7 +77,7 @@ class ClearanceMeter:
         self._states: list[Poses] = []
 
     def set_world(self, bodies: World) -> None:
-        """Set the bodies of the world, each with what it covers at the start."""
+        """Set the bodies of the world, each with its footprint at the start."""
         self.world_known = True
         self._fixed = [body.name for body, _ in bodies if body.kind == FIXED]
         self._search = NearestBody([parts for body, parts in bodies if body.kind == FIXED])
@@ -88,7 +88,7 @@ class ClearanceMeter:
         self.paths = {name: [pose.position[:2]] for name, pose in self._poses.items()}
 
     def add_states(self, stamp: int, poses: Poses) -> None:
-        """Add the poses of the bodies that move or can be moved at ``stamp`` [ns], in the order of the stamps."""
+        """Add the poses of the movable and moving bodies at ``stamp`` [ns], in order of stamps."""
         if not self._stamps or stamp > self._stamps[-1]:
             self._stamps.append(stamp)
             self._states.append(poses)
@@ -101,7 +101,7 @@ class ClearanceMeter:
             self._samples.append(_Sample(stamp, robot, *position))
 
     def update(self, final: bool = False) -> None:
-        """Measure the samples whose surroundings are known by now; with ``final``, all."""
+        """Measure the samples for which all body poses are known; with ``final``, all samples."""
         if not self.world_known:
             self._samples = self._samples[-MAX_WAITING:]
             return
@@ -136,7 +136,7 @@ class ClearanceMeter:
                 self.least[sample.robot] = Clearance(clear, sample.stamp / 1e9, names[body])
 
     def _place_others(self, stamp: int) -> None:
-        """Put the bodies that move to where they are at ``stamp`` [ns]."""
+        """Place the movable and moving bodies at their poses at ``stamp`` [ns]."""
         poses = self._poses_at(stamp)
         for name, body in self._others.items():
             pose = poses.get(name)
@@ -151,7 +151,7 @@ class ClearanceMeter:
 
     def _poses_at(self, stamp: int) -> Poses:
         after = bisect_right(self._stamps, stamp)
-        if after > 1:  # none before is asked for again
+        if after > 1:  # no earlier state is needed again
             del self._stamps[: after - 1], self._states[: after - 1]
             after = 1
         if after == 0 or after == len(self._stamps):

@@ -15,7 +15,7 @@ CLOSURE_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Closure:
-    """Distance [m] and angle [deg] between start and end, by ground truth and by odometry; None before."""
+    """Distance [m] and angle [deg] between start and end, by ground truth and by odometry; None before the end."""
 
     true_m: float | None = None
     true_deg: float | None = None
@@ -26,7 +26,7 @@ class Closure:
 def is_closed(goals: tuple[Pose2, ...]) -> bool:
     """Whether goals form a closed path: at least three, each heading to the next, the last to the first.
 
-    A square does. A list of points without headings does not: their yaw is 0, while a closed path turns.
+    A square does; a list of points without headings does not, since their yaw is 0 while a closed path turns.
     """
     if len(goals) < 3:
         return False
@@ -40,7 +40,7 @@ def is_closed(goals: tuple[Pose2, ...]) -> bool:
 class CornerMetrics:
     """Corner errors of one robot, if its plan is closed. All poses are in the world frame.
 
-    A corner is measured when the robot reports that it has reached it, the closure when it reports its finish.
+    A corner is measured when the robot reports reaching it, the closure when it reports finishing.
     """
 
     def __init__(self) -> None:
@@ -51,14 +51,14 @@ class CornerMetrics:
         self._pending: list[GoalStatus] = []
 
     def set_plan(self, goals: tuple[Pose2, ...]) -> None:
-        """Set the plan; the same one again changes nothing."""
+        """Set the plan; setting the same one again has no effect."""
         if goals == self._goals:
             return
         self._goals, self._start, self._pending, self.closure = goals, None, [], Closure()
         self.corners = [None] * len(goals) if is_closed(goals) else []
 
     def add_status(self, status: GoalStatus) -> None:
-        """Handle the robot's report that it has reached a corner, or finished."""
+        """Process the robot's report that it has reached a corner, or finished."""
         if self.corners and status.state in ("reached", "finished"):
             self._pending.append(status)
 

@@ -42,7 +42,7 @@ from services.runtime.context import Context
 from services.runtime.errors import BadInput
 
 REFERENCE_RATE = 100.0
-"""Hz; set-points without stamps are taken so often, and measured as of then."""
+"""Rate [Hz] at which set-points without stamps are sampled and measured."""
 GRADING_DELAY_NS = SECOND // 5
 """Delay [ns] with which messages are processed, so that all with earlier stamps have arrived."""
 
@@ -159,9 +159,8 @@ class ArmStreams:
 
 
 class ReferredArmStreams:
-    """The subscriptions of an arm that a program controls: its set-point has no stamp, so each state of its joint goes
-    with the set-point that has come by then.
-    """
+    """The subscriptions of an arm that a program controls: its set-point has no stamp, so each joint state is paired
+    with the last set-point received."""
 
     def __init__(self, ctx: Context[GraderParameters], robot: str, namespace: str, arm: ArmSpec) -> None:
         self._robot, self._joint = robot, arm.joint
@@ -189,7 +188,7 @@ class ReferredArmStreams:
 
 
 def read_world(ctx: Context[GraderParameters], array: MarkerArray) -> World:
-    """The bodies among the markers with their footprints; those whose shape cannot be read are warned of."""
+    """Return the bodies among the markers with their footprints; bodies with unreadable shapes are logged."""
     found = []
     for body in world_bodies(array):
         try:

@@ -30,7 +30,7 @@ _GLOBAL_TOPICS = frozenset(topic.name for topic in TOPICS if topic.name.startswi
 
 MAX_PROCESSES = 4096
 MAX_TOPICS = 1 << 16
-"""Most processes, and topics of each, that are counted."""
+"""Maximum number of processes, and of topics per process, that are counted."""
 
 
 @dataclass
@@ -45,9 +45,9 @@ class _Process:
 class MessageLosses:
     """Counts of lost messages per process; a restarted process is counted in addition to its predecessor.
 
-    A heartbeat has the total, and of a node with many topics those with new losses first: each topic has the last count
-    reported. The losses of the nodes ``readers`` (all nodes if empty) count for the run. Those of others, which only
-    observe, are listed separately: a slow browser says nothing about a run.
+    A heartbeat contains the total, and for a node with many topics those with new losses first; each topic keeps its
+    last reported count. Losses of the nodes ``readers`` (all nodes if empty) count for the run. Those of other nodes,
+    which only observe, are listed separately, since a slow browser says nothing about a run.
     """
 
     def __init__(self, readers: Collection[str] = ()) -> None:
@@ -68,13 +68,13 @@ class MessageLosses:
         known.total = max(health.lost, sum(known.by_topic.values()))
 
     def total_losses(self) -> int:
-        """Messages lost by readers on all topics."""
+        """Return the messages lost by readers on all topics."""
         return saturating_add(0, sum(each.total for (node, _), each in self._processes.items() if self._counts(node)))
 
     def robot_losses(self, namespace: str, apart: Collection[str] = ()) -> int:
-        """Messages lost by readers on the topics in a namespace, except those in the namespaces ``apart``.
+        """Return the messages lost by readers on the topics in a namespace, except those in the namespaces ``apart``.
 
-        The topics of the root are those that a robot has there, ``/odom`` and so on.
+        For the root, these are the topics of a robot there, e.g. ``/odom``.
         """
         wanted = absolute_namespace(namespace)
         counting = (each for (node, _), each in self._processes.items() if self._counts(node))
@@ -83,7 +83,7 @@ class MessageLosses:
         )
 
     def missed_ticks(self) -> dict[str, int]:
-        """Ticks missed by each reader because it was late; without those that missed none."""
+        """Return the ticks that each reader missed because it was late, without readers that missed none."""
         found: dict[str, int] = {}
         for (node, _), each in sorted(self._processes.items()):
             if each.missed and self._counts(node):
@@ -91,7 +91,7 @@ class MessageLosses:
         return found
 
     def observer_losses(self) -> dict[str, int]:
-        """Messages lost by each node that is not a reader; without those that lost none."""
+        """Return the messages lost by each node that is not a reader, without nodes that lost none."""
         found: dict[str, int] = {}
         for (node, _), each in sorted(self._processes.items(), key=lambda item: item[0]):
             if each.total and not self._counts(node):
@@ -103,7 +103,7 @@ class MessageLosses:
 
 
 def _lies_in(topic: str, namespace: str, apart: Collection[str]) -> bool:
-    """Whether the topic of a robot, without its leading slash, lies in a namespace and in none of ``apart``."""
+    """Whether a robot's topic, given without its leading slash, is in a namespace and in none of ``apart``."""
     if namespace != "/":
         return f"/{topic}".startswith(f"{namespace}/")
     return f"/{topic}" not in _GLOBAL_TOPICS and not any(f"/{topic}".startswith(f"{each}/") for each in apart)
@@ -114,9 +114,9 @@ GradedMessage = StampedMessage | BrakingSpec | ArmSpec
 
 
 MAX_ROBOTS = 1000
-"""Robots and turtles that are measured."""
+"""Maximum number of measured robots and turtles."""
 MAX_PENDING = 20_000
-"""Most messages kept with stamps in the future; beyond that, those furthest ahead are dropped as invalid."""
+"""Maximum number of messages kept with stamps in the future; beyond it, those furthest ahead are dropped as invalid."""
 
 
 class MessageKind(IntEnum):
@@ -137,7 +137,7 @@ class Measurement:
     """All measurements since the start or the last reset of the simulation.
 
     Results do not depend on the order of arrival: messages wait until ``advance`` passes their stamps. ``namespaces``
-    are those of the robots by name, where they differ from it.
+    are the robots' namespaces by name, where the two differ.
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class Measurement:
         self._pending += [(message.header.stamp.ns, kind, robot, message) for message in messages]
 
     def add_turtles(self, states: Iterable[WorldStates]) -> None:
-        """Add poses of turtles, which are measured as robots from their first one on."""
+        """Add poses of turtles, which are measured as robots from their first pose on."""
         for each in states:
             for name, pose, twist in zip(each.name, each.pose, each.twist, strict=False):
                 if name not in self.robots:
@@ -263,14 +263,14 @@ class Measurement:
                 arm.arm = message
 
     def _update_distances(self, stamp: int, name: str, here: Point) -> None:
-        """Collect samples of the same instant, between which distances are measured."""
+        """Collect samples with the same stamp, between which distances are measured."""
         if stamp != self._distance_stamp:
             self._measure_distances()
             self._distance_stamp = stamp
         self._positions[name] = here
 
     def _measure_distances(self) -> None:
-        """Update each robot's smallest distance to another one with the samples collected."""
+        """Update each robot's smallest distance to another one from the collected samples."""
         collected, self._positions = self._positions, {}
         if len(collected) < 2:
             return

@@ -21,9 +21,9 @@ def _signed(text: str, unit: str) -> Meta:
 
 
 class CornerFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """A corner of a closed path, where the robot said that it had reached it; headings are off to the left if positive.
+    """A corner of a closed path, where the robot reported reaching it; positive heading errors are to the left.
 
-    true: on ground truth; odometry: by the robot's own odometry, placed in the world where the two first agreed.
+    true: by ground truth; odometry: by the robot's own odometry, aligned with the world where the two first agreed.
     """
 
     at_s: Annotated[float, _figure("simulation time at which the robot said so", "s")]
@@ -38,7 +38,7 @@ class CornerFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", tag="base"):
-    """One robot that drives, measured on ground truth in simulation time. null: there was nothing to measure."""
+    """One mobile robot, measured by ground truth in simulation time. null: there was nothing to measure."""
 
     points: Annotated[int, _count("points of the robot's last plan, all laps counted")]
     points_reached: Annotated[int, _count("points to which the robot truly came within the reach tolerance")]
@@ -102,7 +102,7 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
 
 
 class StepFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """A step of the set-point of an arm, from where it had rested for half a second to where it then stays."""
+    """A step of the set-point of an arm, from a value held for half a second to one at which it then stays."""
 
     at_s: Annotated[float, _figure("simulation time of the step", "s")]
     from_deg: Annotated[float, _signed("set-point before", "deg")]
@@ -115,7 +115,7 @@ class StepFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ArmFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", tag="arm"):
-    """One arm, measured on its true angle in simulation time. null: there was nothing to measure."""
+    """One arm, measured by its true angle in simulation time. null: there was nothing to measure."""
 
     steps: Annotated[tuple[StepFigures, ...], Meta(description="the steps of its set-point, in order")]
     step_final_deg: Annotated[float, _signed("of the largest step, see its entry in steps", "deg")] | None
@@ -147,7 +147,7 @@ EndReason = Literal["goals", "duration", "stopped"]
 
 
 class Measurements(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole run. ``ended``: all robots finished, the duration was over, or the grader was stopped before."""
+    """The whole run. ``ended``: all robots finished, the duration elapsed, or the grader was stopped earlier."""
 
     ended: EndReason
     sim_seconds: float
@@ -155,9 +155,9 @@ class Measurements(msgspec.Struct, frozen=True, kw_only=True):
     messages_lost: int
     onlookers_lost: dict[str, int]
     members_lost: tuple[str, ...] | None = None
-    """Nodes that lockstep went on without; None without lockstep."""
+    """Nodes without which lockstep continued; None without lockstep."""
     members_left: tuple[str, ...] = ()
-    """Nodes that took leave of lockstep before the end."""
+    """Nodes that left lockstep properly before the end."""
     robots: dict[str, Figures]
     ticks_missed: dict[str, int] = {}
 
@@ -166,13 +166,14 @@ MEASUREMENTS_FILE = "measurements.json"
 TRAJECTORIES_FILE = "trajectories.npz"
 
 ROBOT_TRAIL_COLUMNS = ("time", "x", "y", "yaw", "odom_x", "odom_y", "cross_track", "speed")
-"""Columns of ``<robot>.trail`` in the trajectories: s, m, m, rad, m, m, m, m/s; nan where unknown. The reference path
-is ``<robot>.path``, x and y in m. The bodies of the world are in WORLD_ARRAYS."""
+"""Columns of ``<robot>.trail`` in the trajectories: s, m, m, rad, m, m, m, m/s; nan if unknown. The reference path is
+``<robot>.path``, x and y in m. The bodies of the world are in WORLD_ARRAYS."""
 
 WORLD_ARRAYS = tuple(f"world.{each}" for each in ("corners", "counts", "bodies", "colours", "paths", "path_counts"))
-"""The bodies of the world in the trajectories: the corners of all outlines from above at the start, x and y in m; how
-many corners each outline has, and to which body it belongs; the colour of each body (red, green, blue and opacity, 0 to
-1); the points through which the bodies moved, one body after the other; and how many these are, 0 for one at rest."""
+"""The bodies of the world in the trajectories: the corners of all outlines from above at the start, x and y in m; the
+number of corners of each outline, and the index of its body; the colour of each body (red, green, blue and opacity, 0
+to 1); the points through which the bodies moved, one body after the other; and their number per body, 0 for one at
+rest."""
 
 ARM_TRAIL_COLUMNS = ("time", "reference", "angle", "error", "effort")
-"""Columns of the ``<robot>.trail`` of an arm: s, deg, deg, deg, N m; it ends where the arm has finished."""
+"""Columns of ``<robot>.trail`` of an arm: s, deg, deg, deg, N m; it ends when the arm has finished."""

@@ -38,9 +38,9 @@ def prepare_folder(folder: Path) -> Path:
 
 
 def write_atomic(path: Path, content: bytes) -> None:
-    """Put ``content`` in place of what ``path`` held; a reader sees the old or the new. Raises BadInput.
+    """Replace the content of ``path`` atomically: readers see the old or the new content. Raises BadInput.
 
-    It is on the disk when this returns, so that a power failure does not leave an empty file.
+    The content is on disk when this returns, so that a power failure does not leave an empty file.
     """
     try:
         atomic_file.write_atomic(path, content, durable=True)
@@ -49,7 +49,7 @@ def write_atomic(path: Path, content: bytes) -> None:
 
 
 def world_arrays(world: World, paths: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, np.ndarray]:
-    """The bodies of the world, and the points through which they moved by name, as WORLD_ARRAYS describes them."""
+    """Return the bodies of the world, and the paths that they moved by name, in the format of WORLD_ARRAYS."""
     outlines = [(index, part.polygon()) for index, (_, parts) in enumerate(world) for part in parts]
     moved = [path if len(path := paths.get(body.name, ())) > 1 else () for body, _ in world]
     arrays = (
@@ -69,7 +69,8 @@ def write_results(
     robots: Mapping[str, RobotMeter | ArmMeter],
     world: Mapping[str, np.ndarray] | None = None,
 ) -> None:
-    """Write both files, the figures last, so that the trails exist when they do; ``world`` is ``world_arrays``.
+    """Write both files, the measurements last, so that the trails exist when they do; ``world`` is from
+    ``world_arrays``.
 
     Raises BadInput.
     """

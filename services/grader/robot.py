@@ -19,7 +19,7 @@ Point = tuple[float, float]
 
 
 def segment_distance(a: Point, b: Point, x: float, y: float) -> float:
-    """Distance [m] of (x, y) to the segment from ``a`` to ``b``, beyond its ends to the nearer end."""
+    """Return the distance [m] of (x, y) to the segment from ``a`` to ``b``, beyond its ends to the nearer end."""
     ux, uy = b[0] - a[0], b[1] - a[1]
     dx, dy = x - a[0], y - a[1]
     square = ux * ux + uy * uy
@@ -35,9 +35,9 @@ class ReferencePath:
         self.corners: tuple[Point, ...] = (start, *goals)
 
     def cross_track(self, index: int, x: float, y: float) -> float:
-        """Return the distance [m] to the path of a robot on its way to goal ``index``.
+        """Return the distance [m] of a robot on its way to goal ``index`` from the path.
 
-        Only the segment to that goal and the one before count, whichever is nearer: cutting a corner is measured
+        Only the segment to that goal and the previous one count, whichever is nearer: cutting a corner is measured
         against the corner, and a crossing with a later segment hides nothing.
         """
         here = segment_distance(self.corners[index], self.corners[index + 1], x, y)
@@ -49,8 +49,8 @@ class ReferencePath:
 class PlanProgress:
     """Progress of a robot along its plan, and its distance from the reference path.
 
-    The robot's status has its current goal; a robot without a status is assumed to drive to its goals in order. Whether
-    a goal was reached is decided by ground truth alone, which must come within ``tolerance`` [m].
+    The robot's status contains its current goal; a robot without a status is assumed to drive to its goals in order. A
+    goal counts as reached when ground truth comes within ``tolerance`` [m] of it.
     """
 
     def __init__(self, tolerance: float) -> None:
@@ -72,7 +72,7 @@ class PlanProgress:
         return math.sqrt(self._squares / self._count) if self._count else None
 
     def set_plan(self, goals: tuple[Point, ...]) -> None:
-        """Set a plan, which starts where the robot is; the same one again, after a restart, changes nothing."""
+        """Set a plan, which starts at the robot's position; the same one again, after a restart, has no effect."""
         if goals == self._goals:
             return
         self._goals, self._index, self.finished_at = goals, 0, None
@@ -80,7 +80,7 @@ class PlanProgress:
         self.reference_path = ReferencePath(self._position, goals) if self._position and goals else None
 
     def add_status(self, status: GoalStatus) -> None:
-        """Handle the robot's current goal, or its report that it has finished."""
+        """Process the robot's current goal, or its report that it has finished."""
         self._has_status = True
         self._index = min(status.index, max(0, len(self._goals) - 1))
         finished = status.state == "finished"
@@ -138,11 +138,11 @@ class OdometryError:
         return self._odom_to_world or IDENTITY
 
     def add_odometry(self, sample: Odometry) -> None:
-        """Add an odometry sample, for the ground truth with the same stamp."""
+        """Set the odometry sample for the ground truth with the same stamp."""
         self._sample = sample
 
     def compare(self, stamp: int, truth: Pose) -> Pose2:
-        """Return the pose by odometry at ``stamp`` [ns] in the world frame; NOWHERE without a sample."""
+        """Return the pose by odometry at ``stamp`` [ns] in the world frame; UNKNOWN_POSE without a sample."""
         if self._sample is None or self._sample.header.stamp.ns != stamp:
             return UNKNOWN_POSE
         here, there = Pose2.from_msg(self._sample.pose.pose), Pose2.from_msg(truth)
@@ -159,7 +159,8 @@ class OdometryError:
 class RobotMeter:
     """Metrics of one robot so far. ``halting`` is how its base brakes, if known.
 
-    Plan and status wait for the next ground truth, with which a plan is transformed from the odom to the world frame.
+    Plan and status wait for the next ground truth, since transforming a plan from the odom to the world frame requires
+    it.
     """
 
     def __init__(self, reach_tolerance: float, halting: BrakingSpec | None = None) -> None:
@@ -184,7 +185,7 @@ class RobotMeter:
         self._pending.append(message)
 
     def add_base_status(self, status: BaseStatus) -> None:
-        """Add the state of the base, whose counts start at spawning."""
+        """Set the state of the base, whose counts start at spawning."""
         self._base = status
         self.stops.add_status(status)
 
@@ -209,7 +210,7 @@ class RobotMeter:
         return here
 
     def result(self, messages_lost: int, clearance: Clearance | None = None) -> RobotFigures:
-        """Return all figures so far; ``clearance`` is the least one from the world's bodies, if there was any."""
+        """Return all figures so far; ``clearance`` is the smallest from the world's bodies, if measured."""
         progress, drift, base = self.progress, self.odometry_error, self._base
         closure, stop = self.corner_metrics.closure, self.stops.longest
         return RobotFigures(

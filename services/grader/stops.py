@@ -10,7 +10,7 @@ from models.dynamics import predict_stop
 from services.grader import BrakingSpec
 
 MAX_SAMPLES = 4096
-"""Most samples since the last command: 80 s at 50 Hz, longer than any time-out of a base."""
+"""Maximum number of samples since the last command: 80 s at 50 Hz, longer than any time-out of a base."""
 REST_SPEED = 1e-3
 """True speed [m/s] below which a base rests; physics jitter stays below it."""
 
@@ -50,7 +50,7 @@ class StopMetrics:
         self._last_command: int | None = None
 
     def add_status(self, status: BaseStatus) -> None:
-        """Handle the base's count of command time-outs, and the time of its last command."""
+        """Process the base's count of command time-outs, and the time of its last command."""
         last = status.last_command.ns
         if status.commands_timed_out > self._timed_out and status.timed_out:
             self._last_command = last
@@ -83,7 +83,7 @@ class StopMetrics:
         self.count += 1
         if self.longest.distance is None or distance > self.longest.distance:
             base = self.braking
-            # Without a time-out it depends on the network when the base learns that its commander has gone.
+            # Without a time-out, the network determines when the base detects the loss of its publisher.
             timed = base is not None and base.timeout > 0
             theory = predict_stop(begin.speed, base.timeout, base.brake) if base and timed else (None, None)
             self.longest = Stop(begin.speed, _rest_time(samples) - since / 1e9, distance, *theory)

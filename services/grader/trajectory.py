@@ -12,7 +12,7 @@ _SAMPLE = struct.Struct("<q7d")
 _JOINT = struct.Struct("<q2d")
 
 TRAIL_LENGTH = 6000
-"""Most points of a trail; five minutes at 50 Hz are thinned to 3750."""
+"""Maximum number of points of a trail; five minutes at 50 Hz are thinned to 3750."""
 
 
 class Fingerprint:
@@ -34,7 +34,7 @@ class Fingerprint:
         self._hash.update(_JOINT.pack(stamp, angle, rate))
 
     def digest(self) -> bytes:
-        """Digest of the samples so far, 32 bytes."""
+        """Return the SHA-256 digest of the samples so far, 32 bytes."""
         return self._hash.digest()
 
 

@@ -1,4 +1,4 @@
-"""The local planner: drives one robot to its goals, around the robots and obstacles that its laser sees."""
+"""The local planner: drives one robot to its goals, around the robots and obstacles that its laser detects."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
 """Collision avoidance: a velocity by reciprocal velocity obstacles, and the speed that still stops before a contact.
 
-The velocity is the best of a fan of directions and two speeds. Each is judged by how far it is from the wanted one and
-by how soon it meets somebody, where of two robots that move each takes half of the change (van den Berg, Lin, Manocha:
-Reciprocal Velocity Obstacles, ICRA 2008). To the right is a little cheaper than to the left: two that meet head-on, or
-stand in each other's way, turn to different sides of the line between them.
+The velocity is the best of a fan of directions at two speeds. The cost of each is its deviation from the desired one
+plus that of the time to a contact, where each of two moving robots makes half of the change (van den Berg, Lin,
+Manocha: Reciprocal Velocity Obstacles, ICRA 2008). Right is slightly cheaper than left, so that two robots that meet
+head-on, or block each other, turn to different sides of the line between them.
 
-That choice may be wrong, as a neighbour may do what it likes. The limit of speed is what keeps robots apart, see
+That choice may be wrong, since neighbours may do anything. What keeps robots apart is the speed limit, see
 ``forward_limit``.
 """
 
@@ -27,16 +27,16 @@ Floats = NDArray[np.float64]
 DIRECTIONS = 36
 _FAN = np.arange(-DIRECTIONS // 2, DIRECTIONS // 2) * (math.tau / DIRECTIONS)
 _OFFSETS = np.concatenate((_FAN, _FAN))
-"""Angles [rad] of the candidates from the goal's direction, at full and at half speed; counter-clockwise."""
+"""Angles [rad] of the candidates relative to the goal's direction, at full and at half speed; counter-clockwise."""
 _SPEEDS = np.repeat((1.0, 0.5), DIRECTIONS)
 MOVING = 0.03
-"""Speed [m/s] from which a disc is a robot that will take its half of a change."""
+"""Speed [m/s] above which a disc is a robot that will make its half of a change."""
 CONTACT_COST = 0.7
-"""Cost of a contact, times seconds until then; a deviation by the whole speed costs 1."""
+"""Cost of a contact, times seconds until then; a deviation by the full speed costs 1."""
 CHANGE_COST = 0.15
-"""Cost of a velocity that differs by the whole speed from the one chosen before, so that choices do not flicker."""
+"""Cost of a velocity that differs by the full speed from the previous choice, so that choices do not flicker."""
 LEFT_COST = 0.015
-"""Cost of a radian to the left of the goal."""
+"""Cost per radian to the left of the goal."""
 _CHOICE_COST = LEFT_COST * np.maximum(_OFFSETS, 0.0)
 _SOONEST_S = 0.05
 
@@ -54,14 +54,14 @@ STILL = Velocity(0.0, 0.0)
 def choose_velocity(
     wanted: Velocity, moving: Velocity, before: Velocity, here: Pose2, around: Obstacles, p: LocalPlannerParameters
 ) -> Velocity:
-    """Return the velocity to take among ``around``.
+    """Return the velocity to choose among ``around``.
 
     Args:
         wanted: The velocity without obstacles.
         moving: The present velocity.
         before: The velocity that was chosen last.
         here: The robot's pose.
-        around: What there is now.
+        around: The present obstacles.
         p: The parameters.
     """
     top = math.hypot(*wanted)
@@ -81,10 +81,11 @@ def choose_velocity(
 def _contact_times(
     x: Floats, y: Floats, moving: Velocity, here: Pose2, around: Obstacles, p: LocalPlannerParameters
 ) -> Floats:
-    """Time [s] until each candidate (m,) meets each obstacle (n,), shape (m, n); inf for never."""
+    """Return the time [s] until each candidate (m,) meets each obstacle (n,), shape (m, n); inf for never."""
     to_x, to_y = around.positions[:, 0] - here.x, around.positions[:, 1] - here.y
     vx, vy = around.velocities[:, 0], around.velocities[:, 1]
-    # A robot that moves takes half of the change: with u, meet it as if 2 u - moving, and it kept its velocity.
+    # A moving robot makes half of the change: with u, the contact is that with 2 u - moving while it keeps its
+    # velocity.
     gain = np.where(around.robots & (np.hypot(vx, vy) > MOVING), 2.0, 1.0)
     rel_x = np.outer(x - moving.x, gain) + (moving.x - vx)
     rel_y = np.outer(y - moving.y, gain) + (moving.y - vy)
@@ -97,18 +98,18 @@ def _contact_times(
 
 
 def contact_distances(around: Obstacles, p: LocalPlannerParameters) -> Floats:
-    """Distance [m] of the robot's axle from each centre at which the clearance is used up, (n,)."""
+    """Return the distance [m] of the robot's axle from each centre at which the clearance is used up, (n,)."""
     return p.radius + p.overhang + p.clearance + np.where(around.robots, p.seen_radius, 0.0)
 
 
 def forward_limit(here: Pose2, around: Obstacles, p: LocalPlannerParameters) -> float:
     """Return the highest forward speed [m/s] with which the robot stops in time for everything around.
 
-    Towards each obstacle the robot closes in with at most the speed that stops within the free distance, of which one
-    that may be a robot leaves it half: whatever the other one does by the same rule, both stop before they touch. Where
-    a stop begins a scan later than it could, they have come nearer by at most (v - u) lag / 2, which the clearance
-    covers. What is behind or beside the robot limits nothing, and turning on the spot moves no point of it beyond its
-    radius: a robot that stands can always turn, and leave in any direction that is free.
+    Towards each obstacle, the robot approaches at most at the speed that stops within the free distance, or half of it
+    if the obstacle may be a robot: if both follow this rule, both stop before they touch. If a stop begins one scan
+    later than possible, they come closer by at most (v - u) lag / 2, which the clearance covers. Objects behind or
+    beside the robot impose no limit, and turning on the spot moves no point of it beyond its radius: a stopped robot
+    can always turn, and leave in any free direction.
     """
     if not len(around.positions):
         return p.max_linear

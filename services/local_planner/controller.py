@@ -1,4 +1,4 @@
-"""The control law of the local planner: towards the goal, around others, and a detour when there is no progress."""
+"""The controller of the local planner: towards the goal, around others, with detours when there is no progress."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from services.local_planner.tracking import Obstacles
 APPROACH_LAG_S = 0.2
 """Time constant of the approach to a goal and to a heading."""
 PROGRESS = 0.1
-"""Metres by which a robot must have come nearer to its goal to have made progress."""
+"""Decrease of the distance to the goal [m] that counts as progress."""
 DETOUR_ANGLES = -2.2, 0.5
-"""A detour's direction from the goal's [rad], drawn between these: most are to the right."""
+"""Range of a detour's direction relative to the goal's [rad], drawn uniformly: most are to the right."""
 DETOUR_TIMES = 2.0, 4.0
-"""How long a detour takes [s], drawn between these."""
+"""Range of a detour's duration [s], drawn uniformly."""
 
 
 def plan_of(p: LocalPlannerParameters) -> Plan:
-    """The plan of the parameters."""
+    """Return the plan of the parameters."""
     return Plan.through(p.goals, p.laps, p.final_yaw)
 
 
 class Detour:
-    """Turns the direction to the goal for a while when a robot has made no progress for longer than its patience.
+    """Rotates the direction to the goal for a while if a robot has made no progress for longer than its patience.
 
-    Robots that block each other stand only as long as none of them changes its mind. Each draws its own detours,
-    independently of the others, again and again: a jam that some choice of directions dissolves lasts with probability
-    0. What is drawn follows from ``seed``, so a run repeats.
+    Robots that block each other stay stuck only until one of them changes direction. Each draws its own detours
+    repeatedly, independently of the others: a jam that some choice of directions dissolves persists with probability 0.
+    The draws depend only on ``seed``, so that a run is repeatable.
     """
 
     def __init__(self, seed: str) -> None:
@@ -43,11 +43,11 @@ class Detour:
         self._nearest = math.inf
 
     def start(self) -> None:
-        """Start towards another goal."""
+        """Reset for another goal."""
         self.angle, self._left, self._idle, self._nearest = 0.0, 0.0, 0.0, math.inf
 
     def update(self, distance: float, dt: float, patience: float) -> None:
-        """Take the distance to the goal [m] after ``dt`` [s]."""
+        """Update with the distance to the goal [m] after ``dt`` [s]."""
         if self._left > 0:
             self._left -= dt
             if self._left <= 0:
@@ -61,7 +61,7 @@ class Detour:
 
 
 class LocalPlanner:
-    """Drives along a plan among obstacles. ``seed`` is what its detours follow from, such as its name."""
+    """Drives along a plan among obstacles. ``seed`` determines its detours, e.g. its name."""
 
     def __init__(self, parameters: LocalPlannerParameters, seed: str = "") -> None:
         self._params = parameters
@@ -92,9 +92,9 @@ class LocalPlanner:
         """Run one control tick.
 
         Args:
-            here: Pose of the axle's middle now.
+            here: Present pose of the axle's centre.
             moving: Measured velocity.
-            around: What is there now.
+            around: The present obstacles.
             dt: Time since the last tick [s].
         """
         if not self.plan.goals:
@@ -127,7 +127,7 @@ class LocalPlanner:
         velocity = Velocity(moving.v * math.cos(here.yaw), moving.v * math.sin(here.yaw))
         self._chosen = choose_velocity(towards, velocity, self._chosen, here, around, p)
         error = wrap(math.atan2(self._chosen.y, self._chosen.x) - here.yaw)
-        ahead = max(0.0, math.cos(error)) ** 3  # off its course the robot rather turns than drives
+        ahead = max(0.0, math.cos(error)) ** 3  # with a heading error, turn rather than drive
         return Twist2(min(math.hypot(*self._chosen) * ahead, forward_limit(here, around, p)), self._turn(error))
 
     def _turn(self, error: float) -> float:

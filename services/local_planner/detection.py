@@ -1,4 +1,4 @@
-"""What a laser scan shows: discs that may be other robots, and points of obstacles."""
+"""Detects objects in a laser scan: discs that may be other robots, and points of obstacles."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from services.local_planner import LocalPlannerParameters
 Floats = NDArray[np.float64]
 
 EDGE = 0.1
-"""Difference [m] between the ranges of neighbouring rays at which one object ends and another begins."""
+"""Difference [m] between the ranges of adjacent rays that separates two objects."""
 FACING = math.pi / 4
-"""Mean depth of a disc's visible side before its centre, in radii: the mean of sqrt(1 - u^2) over its width."""
+"""Mean distance of a disc's visible side from its centre, in radii: the mean of sqrt(1 - u^2) over its width."""
 WIDTH_MARGIN = 1.5
-"""Widest disc that passes for a robot, in diameters: noise, and the width of a ray, widen it."""
+"""Maximum width of a robot's disc, in diameters: noise and the width of a ray increase it."""
 POINT_RAYS = 4
-"""Rays of an obstacle that become one point, the nearest of them."""
+"""Number of an obstacle's rays that are reduced to one point, the nearest."""
 
 
 class Detections(NamedTuple):
@@ -34,7 +34,7 @@ NOTHING = Detections(np.empty((0, 2)), np.empty((0, 2)))
 
 
 def detect(scan: LaserScan, p: LocalPlannerParameters) -> Detections:
-    """Group the rays of a scan into objects, and sort them by their width into robots and obstacles."""
+    """Group the rays of a scan into objects, and classify them by width as robots or obstacles."""
     ranges = scan.ranges.numpy()
     seen = np.flatnonzero((ranges >= scan.range_min) & (ranges <= min(scan.range_max, p.view)))
     if not len(seen):
@@ -64,9 +64,9 @@ def detect(scan: LaserScan, p: LocalPlannerParameters) -> Detections:
 def _objects(
     seen: NDArray[np.intp], near: Floats, count: int, increment: float
 ) -> tuple[NDArray[np.intp], Floats, NDArray[np.intp]]:
-    """Where each object begins, with ranges and rays in such an order that none goes on from the last to the first.
+    """Return the start of each object, with ranges and rays ordered such that no object wraps around.
 
-    Rays of an object beyond the end of the turn are counted on, so that the mean of their angles is the object's.
+    Ray numbers of a wrapped object continue beyond a full turn, so that the mean of their angles is the object's.
     """
     gaps = (np.diff(seen) > 1) | (np.abs(np.diff(near)) > EDGE)
     whole_turn = abs(count * increment - math.tau) < 1.5 * increment

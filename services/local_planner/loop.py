@@ -77,14 +77,14 @@ def run(ctx: Context[LocalPlannerParameters]) -> None:
 
 
 class LaserMount:
-    """The laser's pose on the robot, from the fixed frames; looked up once for each pair of frames."""
+    """The laser's pose on the robot, from the static frames; looked up once per pair of frames."""
 
     def __init__(self, transforms: TransformListener) -> None:
         self._transforms = transforms
         self._known: dict[tuple[str, str], Pose2] = {}
 
     def pose(self, odometry: Odometry, scan: LaserScan) -> Pose2 | None:
-        """Return the pose of the scan's frame in the base's; None while it is not known."""
+        """Return the pose of the scan's frame in the base's; None while unknown."""
         frames = odometry.child_frame_id, scan.header.frame_id
         if frames not in self._known:
             if not self._transforms.can(*frames):
@@ -94,7 +94,7 @@ class LaserMount:
 
 
 def pose_at(odometry: Odometry, time: int) -> Pose2:
-    """The pose at ``time`` [ns], a few periods at most from the odometry's stamp, at its velocity."""
+    """Extrapolate the odometry at its velocity to ``time`` [ns], at most a few periods from its stamp."""
     here, moving = pose_and_twist(odometry)
     dt = (time - odometry.header.stamp.ns) / 1e9
     middle = here.yaw + moving.w * dt / 2

@@ -1,4 +1,4 @@
-"""Tracks the obstacles that the laser sees from scan to scan: their positions in the odom frame, and velocities."""
+"""Tracks the detected obstacles from scan to scan: their positions in the odom frame, and velocities."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from services.local_planner.detection import NOTHING, Detections
 Floats = NDArray[np.float64]
 
 SAME = 0.15
-"""Distance [m] from where it was expected within which a disc is the one of the scan before."""
+"""Maximum distance [m] of a disc from its predicted position to be matched with the previous scan."""
 SMOOTHING = 0.5
-"""Share of a newly measured velocity in the estimate."""
+"""Weight of a new velocity measurement in the estimate."""
 LONGEST_GAP_S = 1.0
-"""Time between two scans [s] after which nothing is followed from one to the other."""
+"""Time between two scans [s] beyond which nothing is tracked from one to the next."""
 
 
 class Obstacles(NamedTuple):
-    """Circles around what was seen, in the odom frame.
+    """Circles around detected objects, in the odom frame.
 
     Args:
         positions: Their centres at the time of the estimate, (n, 2) [m].
-        velocities: (n, 2) [m/s]; 0 for obstacles that stand.
+        velocities: (n, 2) [m/s]; 0 for obstacles.
         robots: Whether each may be a robot, which moves and gives way itself, (n,).
     """
 
@@ -39,7 +39,7 @@ NO_OBSTACLES = Obstacles(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.bool
 
 
 class Tracker:
-    """The discs and points of the last scan, with the velocities of discs that were in the one before, too."""
+    """The discs and points of the last scan, with the velocities of discs that were also in the previous one."""
 
     def __init__(self) -> None:
         self.stamp: int | None = None
@@ -47,7 +47,7 @@ class Tracker:
         self._points = NOTHING.points
 
     def update(self, stamp: int, laser: Pose2, seen: Detections) -> None:
-        """Take a scan of the time ``stamp`` [ns], made by a laser at ``laser`` in the odom frame."""
+        """Add a scan from the time ``stamp`` [ns], taken by a laser at ``laser`` in the odom frame."""
         discs = _placed(laser, seen.discs)
         velocities = np.zeros_like(discs)
         dt = (stamp - self.stamp) / 1e9 if self.stamp is not None else 0.0
@@ -66,7 +66,7 @@ class Tracker:
         self._points = _placed(laser, seen.points)
 
     def obstacles(self, now: int) -> Obstacles:
-        """What there is at ``now`` [ns]; what moves is taken to keep its velocity since the last scan."""
+        """Return the obstacles at ``now`` [ns]; discs are assumed to keep their velocity since the last scan."""
         if self.stamp is None or not len(self._discs) + len(self._points):
             return NO_OBSTACLES
         discs = self._discs + self._velocities * ((now - self.stamp) / 1e9)
@@ -80,7 +80,7 @@ class Tracker:
 
 
 def _placed(frame: Pose2, points: Floats) -> Floats:
-    """Points (n, 2) of a frame in its parent."""
+    """Transform points (n, 2) from a frame to its parent."""
     c, s = math.cos(frame.yaw), math.sin(frame.yaw)
     x, y = points[:, 0], points[:, 1]
     return np.column_stack((c * x - s * y + frame.x, s * x + c * y + frame.y))

@@ -8,7 +8,7 @@ from messages.base import Metres
 from services.runtime import Parameters, Service, param
 
 DEFAULT_EXTENT = (-0.5, -4.5, 5.5, 4.5)
-"""m; the ground of the initial view in a world without bodies."""
+"""Ground area [m] of the initial view in a world without bodies."""
 
 
 class LoggerParameters(Parameters):

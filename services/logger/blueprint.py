@@ -1,4 +1,4 @@
-"""The layout in which a recording opens: the world, the fleet's plots beside it, each robot's own, the log below."""
+"""The initial layout of a recording: the world, beside it the fleet's plots and each robot's own, below it the log."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from services.logger.entity_paths import (
 Extent = tuple[float, float, float, float]
 
 MAX_ARM_PLOTS = 2
-"""Maximum arms with a plot on the fleet's page; each arm also has a page of its own."""
+"""Maximum number of arms with a plot on the fleet's page; each arm also has a page of its own."""
 
 MAX_PAGES = 12
-"""Maximum robots with a page of plots of their own; the fleet's page and the entity tree have all of them."""
+"""Maximum number of robots with a page of plots of their own; the fleet's page and the entity tree contain all."""
 
 BACKGROUND = (18, 20, 24)
 
@@ -39,10 +39,11 @@ def blueprint(
     timelines: Sequence[str],
     images: Mapping[str, str] | None = None,
 ) -> rrb.Blueprint:
-    """The layout for robots as (name, name of the URDF's robot), ``arms`` among them, on the last of ``timelines``.
+    """Return the layout for robots as (name, name of the URDF's robot), including ``arms``, on the last of
+    ``timelines``.
 
-    ``extent`` [m] is the ground in the initial view: x and y of one corner, then of the opposite one. ``images`` are
-    the entities of topics with images.
+    ``extent`` [m] is the ground in the initial view: x and y of one corner, then of the opposite one. ``images`` maps
+    image topics to entities.
     """
     names = [name for name, _ in robots]
     driving = [name for name in names if name not in arms]
@@ -90,7 +91,7 @@ def _world(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequenc
 
 
 def _eye(extent: Extent) -> rrb.EyeControls3D:
-    """The eye south of the extent and above it, far enough to see all of it, with x to the right."""
+    """Return the eye south of the extent and above it, far enough to see all of it, with x to the right."""
     x, y = (extent[0] + extent[2]) / 2, (extent[1] + extent[3]) / 2
     size = max(abs(extent[2] - extent[0]), abs(extent[3] - extent[1]), 1.0)
     return rrb.EyeControls3D(
@@ -134,7 +135,7 @@ def _arm(name: str) -> rrb.Vertical:
 
 
 def _plot(name: str, *entities: str, only: Sequence[bool] | None = None) -> rrb.TimeSeriesView:
-    """A plot of the whole run, of every robot or of the ``only`` one, in the colours of the trails."""
+    """Return a plot of the whole run, of every robot or of the ``only`` one, in the colours of the trails."""
     lines = {} if only is None else {each: rr.SeriesLines.from_fields(visible_series=only) for each in entities}
     always = rrb.TimeRangeBoundary.infinite()
     return rrb.TimeSeriesView(

@@ -25,19 +25,19 @@ Stamps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Batch:
-    """One robot's columns. Times are simulation time [ns]; positions [m] lie in the world.
+    """One robot's columns. Times are simulation time [ns]; positions [m] are in the world frame.
 
     Attributes:
         positions: (n, 3) at ``times`` (n,), as are ``quaternions`` and ``scalars``.
         quaternions: (n, 4) as x, y, z, w.
-        scalars: (n, 4) speed and command [m/s], cross-track error and distance to the goal [m]; NaN where unknown.
+        scalars: (n, 4) speed and command [m/s], cross-track error and distance to the goal [m]; NaN if unknown.
         odometry_error: (k, 1) [m] at ``odometry_times``.
-        trail: segments (m, 2, 3) at ``trail_times``; ``odometry_trail`` (b, 2, 3) are those of the odometry.
+        trail: Segments (m, 2, 3) at ``trail_times``; ``odometry_trail`` (b, 2, 3) are those of the odometry.
         angles: (j, joints) [rad] at ``joint_times``.
-        control: (c, 4) at ``control_times``, a joint controller's set point, angle, error [deg] and effort [N m].
+        control: (c, 4) at ``control_times``: a joint controller's set-point, angle, error [deg] and effort [N m].
         plan: (p, 3) a new reference path from ``plan_time`` on.
         goals: (g, 3) the current goal from each of ``goal_times`` on, NaN for none.
-        scans: for each of ``scan_times`` the echoes (e, 3) of the laser.
+        scans: For each of ``scan_times``, the echoes (e, 3) of the laser.
     """
 
     times: Stamps
@@ -64,13 +64,13 @@ class Batch:
 
 
 MAX_ROWS = 20_000
-"""Rows kept between two batches: more than six minutes of a 50 Hz topic."""
+"""Maximum number of rows kept between two batches: more than six minutes of a 50 Hz topic."""
 
 
 class RowBuffer:
-    """Collects rows of ``width`` numbers, the first of them a time [ns]; beyond ``limit`` the oldest are dropped.
+    """Collects rows of ``width`` numbers, the first of which is a time [ns]; beyond ``limit``, the oldest are dropped.
 
-    Times pass through doubles: exact below 104 days.
+    Times are stored as doubles: exact below 104 days.
     """
 
     def __init__(self, width: int, limit: int = MAX_ROWS) -> None:
@@ -87,24 +87,24 @@ class RowBuffer:
             self.dropped += excess
 
     def drain(self) -> NDArray[np.float64]:
-        """All rows as an array of shape (n, width); the buffer is empty afterwards."""
+        """Return all rows as an array of shape (n, width), and empty the buffer."""
         rows, self._rows = self._rows, []
         return np.array(rows, dtype=np.float64).reshape(-1, self.width)
 
 
 SPACING = 0.02
-"""Distance of a trail's corners [m]: finer than it is drawn, with a tenth of a slow robot's rows."""
+"""Distance between a trail's corners [m]: finer than displayed, with a tenth of a slow robot's rows."""
 
 
 class Trail:
-    """Thins out a path incrementally; the last corner joins one batch to the next."""
+    """Thins out a path incrementally; the last corner connects one batch to the next."""
 
     def __init__(self, spacing: float = SPACING) -> None:
         self.spacing = spacing
         self._corner: Floats | None = None
 
     def extend(self, times: Stamps, positions: Floats) -> tuple[Stamps, Floats]:
-        """Segments (m, 2, 3) [m] that positions (n, 3) at ``times`` (n,) [ns] add, and the time (m,) that each ends."""
+        """Return the segments (m, 2, 3) [m] that positions (n, 3) at ``times`` (n,) [ns] add, and end times (m,)."""
         if not len(positions):
             return times, np.empty((0, 2, 3))
         corner = positions[0] if self._corner is None else self._corner
@@ -117,14 +117,14 @@ class Trail:
 
 
 ODOMETRY_TRAIL_Z = -0.001
-"""Height of the odometry trail [m]: it is hidden below the true one as long as the two agree."""
+"""Height of the odometry trail [m]: it is hidden below the true one while the two agree."""
 
 
 class RobotColumns:
-    """Collects one robot's messages into batches; ``clear`` it at a reset.
+    """Collects one robot's messages into batches; call ``clear`` at a reset.
 
-    ``frames`` holds the transforms of ``/tf_static`` and is updated by its owner. Odometry in a frame that it does not
-    have is aligned with the first true pose.
+    ``frames`` holds the transforms of ``/tf_static`` and is updated by its owner. Odometry in a frame that is not among
+    them is aligned with the first true pose.
     """
 
     def __init__(self, limit: int = MAX_ROWS, frames: TransformBuffer | None = None) -> None:
@@ -137,7 +137,7 @@ class RobotColumns:
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything but the count of dropped rows."""
+        """Reset everything except the count of dropped rows."""
         for buffer in self._buffers:
             buffer.drain()
         self._scans.clear()
@@ -153,7 +153,7 @@ class RobotColumns:
 
     @property
     def dropped(self) -> int:
-        """Rows lost because more came than the buffers hold."""
+        """Rows lost because the buffers were full."""
         return sum(each.dropped for each in self._buffers) + self._scans.dropped
 
     @property
@@ -171,7 +171,7 @@ class RobotColumns:
         self._truth.extend(rows)
 
     def add_odometry(self, messages: Sequence[Odometry]) -> None:
-        """Add the robot's own estimate of its pose."""
+        """Add the robot's odometry."""
         rows = []
         for m in messages:
             stamp, p, q = m.header.stamp, m.pose.pose.position, m.pose.pose.orientation
@@ -180,13 +180,13 @@ class RobotColumns:
         self._odometry.extend(rows)
 
     def add_commands(self, messages: Sequence[Twist], now: int, dt: float) -> None:
-        """Add commands of the ``dt`` [s] before ``now`` [ns]; having no stamps, they are spread over it evenly."""
+        """Add commands received in the ``dt`` [s] before ``now`` [ns]; having no stamps, they are spread evenly."""
         step = dt * 1e9 / max(1, len(messages))
         first = now - step * (len(messages) - 1)
         self._commands.extend([(first + step * i, m.linear.x) for i, m in enumerate(messages)])
 
     def add_joints(self, messages: Sequence[JointState]) -> None:
-        """Add joint angles. The first message determines the joints; messages with others are ignored."""
+        """Add joint angles. The first message determines the joints; messages with other joints are ignored."""
         if messages and not self._joint_names:
             self._joint_names = messages[0].name
             self._joints = RowBuffer(1 + len(self._joint_names), self._limit)
@@ -206,7 +206,7 @@ class RobotColumns:
         self._control.extend([(m.header.stamp.ns, m.set_point, m.process_value, m.error, m.command) for m in messages])
 
     def add_plan(self, plan: Path) -> None:
-        """Set the goals from now on; the same goals again change nothing, except after a reset."""
+        """Set the goals from now on; setting the same goals again has no effect, except after a reset."""
         known = self._plan
         later = known is not None and known.header.stamp.ns <= plan.header.stamp.ns
         same = known is not None and _goals(known).tolist() == _goals(plan).tolist()
@@ -214,12 +214,12 @@ class RobotColumns:
             self._plan, self._reference, self._goal_changes, self._current_goal = plan, None, [], None
 
     def add_status(self, status: GoalStatus) -> None:
-        """Add which goal the robot heads for."""
+        """Add the robot's current goal."""
         if status.count:
             self._goal_changes.append((status.header.stamp.ns, status.index, status.state in ("driving", "reached")))
 
     def flush(self) -> Batch:
-        """The columns of everything since the last call."""
+        """Return the columns of everything since the last call."""
         truth, joints, control = self._truth.drain(), self._joints.drain(), self._control.drain()
         times = _stamps(truth)
         known = np.vstack((self._last_truth, truth))
@@ -261,7 +261,7 @@ class RobotColumns:
         )
 
     def _compare(self, truth: Floats, odometry: Floats) -> tuple[Stamps, Floats, Floats]:
-        """Times, errors (n, 1) and positions (n, 3) in the world of the odometry whose true pose is known.
+        """Return times, errors (n, 1) and positions (n, 3) in the world of the odometry whose true pose is known.
 
         Newer odometry is kept until its true pose arrives.
         """
@@ -289,7 +289,7 @@ class RobotColumns:
         return _stamps(met), off, np.column_stack((odometry_positions, np.full(len(met), ODOMETRY_TRAIL_Z)))
 
     def _start_reference(self, truth: Floats) -> Floats | None:
-        """The reference path (p, 3), once a new plan and the robot's start are both known in the world; else None."""
+        """Return the reference path (p, 3) once a new plan and the robot's start are known in the world; else None."""
         begun = None
         if self._plan is not None and self._reference is None and len(truth):
             here = world_transform(self._frames, self._plan.header.frame_id) or self._alignment
@@ -301,7 +301,7 @@ class RobotColumns:
         return begun
 
     def _drain_goals(self) -> tuple[Stamps, Floats]:
-        """The goal changes since the last call: times (g,) and the goals (g, 3) from then on."""
+        """Return the goal changes since the last call: times (g,) and the goals (g, 3) from then on."""
         times, goals = [], []
         if self._reference is not None:
             for time, index, under_way in self._goal_changes:
@@ -314,7 +314,7 @@ class RobotColumns:
         return np.array(times, np.int64), np.array(goals, np.float64).reshape(-1, 3)
 
     def _hold_commands(self, times: Stamps) -> Floats:
-        """The command in force at each time; NaN before the first."""
+        """Return the latest command at each time; NaN before the first."""
         commands = self._commands.drain()
         values = np.concatenate(([self._last_command], commands[:, 1]))
         self._last_command = values[-1]

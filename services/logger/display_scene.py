@@ -1,4 +1,4 @@
-"""What nodes publish to be drawn, in a recording: markers, paths, poses, maps, foreign scans, images and turtles."""
+"""Displays published messages in a recording: markers, paths, poses, maps, foreign scans, images and turtles."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from services.markers.displays import DISPLAYED, MarkerSet, markers_of
 Log = Callable[..., None]
 """``log(entity, time_ns, *shapes)``; static without a time."""
 FrameLookup = Callable[[Header], Pose3]
-"""The pose of a header's frame in the world."""
+"""Returns the pose of a header's frame in the world."""
 
 PERIODS_NS = {
     LaserScan.ROS_TYPE: 200_000_000,
@@ -31,9 +31,9 @@ PERIODS_NS = {
     Image.ROS_TYPE: 200_000_000,
     OccupancyGrid.ROS_TYPE: 2_000_000_000,
 }
-"""Simulated time between two messages of a topic that are drawn, for types that come often or cost much."""
+"""Minimum simulated time [ns] between two displayed messages of a topic, for frequent or expensive types."""
 SHOWN = frozenset((*DISPLAYED, TurtlePose.ROS_TYPE, Image.ROS_TYPE))
-"""The types of which something is drawn."""
+"""The displayed message types."""
 MAX_TURTLES = 256
 GREEN = (93, 138, 60)
 _FORMATS = {
@@ -46,9 +46,9 @@ _FORMATS = {
 
 
 class DisplayScene:
-    """Draws messages of any topic as they come; what cannot be drawn is reported to ``warn``.
+    """Displays messages of any topic as they arrive; what cannot be displayed is reported to ``warn``.
 
-    ``images`` are the topics of images so far, by entity.
+    ``images`` maps the image topics so far to their entities.
     """
 
     def __init__(self, log: Log, frame: FrameLookup, warn: Callable[[str], None]) -> None:
@@ -59,12 +59,12 @@ class DisplayScene:
         self._palette = Palette()
         self._due: dict[str, int] = {}
         self._held: dict[str, Message] = {}
-        """The newest message of a topic that is not due yet."""
+        """The newest message of each topic that is not due yet."""
         self._warned: set[str] = set()
         self._placed: set[str] = set()
 
     def restart(self) -> None:
-        """Another timeline begins: draw there what is shown."""
+        """Redraw the current content on a new timeline."""
         self._due, self._held = {}, {}
         for topic, shown in self._sets.items():
             shown.restart()
@@ -75,7 +75,7 @@ class DisplayScene:
             self._add_turtle(topic, pose, 0)
 
     def add(self, topic: str, message: Message, now: int) -> None:
-        """Draw a message that came at ``now`` [ns], or keep it until it is due."""
+        """Display a message received at ``now`` [ns], or keep it until it is due."""
         if now < self._due.get(topic, now):
             self._held[topic] = message
             return
@@ -84,7 +84,7 @@ class DisplayScene:
         self._show(topic, message, now)
 
     def update(self, now: int, final: bool = False) -> None:
-        """Draw what was kept and is due by now, with ``final`` all of it; take away markers whose lifetime is over."""
+        """Display kept messages that are due, with ``final`` all of them; remove markers whose lifetime has expired."""
         for topic, shown in self._sets.items():
             self._expire(topic, shown, now)
         for topic in [each for each in self._held if final or now >= self._due[each]]:
@@ -130,7 +130,7 @@ class DisplayScene:
         entity = _entity(topic, marker.ns, marker.id)
         if entity not in self._placed:
             self._placed.add(entity)
-            self._log(entity, None, rr.CoordinateFrame("world"))  # for all time: a deletion does not take it away
+            self._log(entity, None, rr.CoordinateFrame("world"))  # static: outlives a deletion of the marker
         self._log(entity, now, shape)
 
     def _add_turtle(self, topic: str, pose: TurtlePose, now: int) -> None:
@@ -151,15 +151,15 @@ class DisplayScene:
         self._log(f"{entity}/pose", now, transform)
 
     def remove(self, topic: str, now: int) -> None:
-        """The sender of a topic is gone, and a turtle with it; markers stay, as in RViz."""
+        """Remove the turtle of a topic whose publisher is gone; markers stay, as in RViz."""
         if self._turtles.pop(topic, None) is not None:
             self._held.pop(topic, None)
             entity = entity_paths.turtle(_turtle_name(topic))
-            for each in (entity, f"{entity}/name"):  # not its pose, without which its frame would be nowhere
+            for each in (entity, f"{entity}/name"):  # but not its pose, without which its frame would be undefined
                 self._log(each, now, rr.Clear(recursive=False))
 
     def _draw_turtle(self, entity: str, frame: str, name: str, now: int) -> None:
-        """A shell in the turtle's colour, head, legs and tail, and its name."""
+        """Draw a shell in the turtle's colour, head, legs and tail, and its name."""
         for each in (entity, f"{entity}/name"):
             self._log(each, None, rr.CoordinateFrame(frame))
         legs = [(0.25, 0.25), (0.25, -0.25), (-0.25, 0.25), (-0.25, -0.25)]
@@ -184,7 +184,7 @@ class DisplayScene:
         self._log(entity, now, rr.Image(pixels, color_model=model))
 
     def _report(self, topic: str, text: str) -> None:
-        """Say once of a topic why something of it is not drawn."""
+        """Report once per topic why part of it is not displayed."""
         if topic not in self._warned:
             self._warned.add(topic)
             self._warn(f"{topic} is not drawn whole: {text}")

@@ -9,10 +9,10 @@ from services.runtime.errors import BadInput
 
 
 def rotate(file: Path) -> Path | None:
-    """Rename an existing recording to ``run-1.rrd``, ``run-2.rrd``, …, and return its new path, if there is one.
+    """Rename an existing recording to ``run-1.rrd``, ``run-2.rrd``, …; return its new path, None if there was none.
 
     A logger that crashed is restarted with the same file name, and rerun truncates the file that it opens. Raises
-    BadInput when the folder cannot be written.
+    BadInput if the folder cannot be written.
     """
     try:
         if not file.is_file() or file.stat().st_size == 0:
@@ -24,7 +24,7 @@ def rotate(file: Path) -> Path | None:
 
 
 def rotated(file: Path) -> list[Path]:
-    """The rotated recordings of this file, oldest first."""
+    """Return the rotated recordings of this file, oldest first."""
     found = (each for each in file.parent.glob(f"{file.stem}-*{file.suffix}"))
     numbered = [(each.stem.removeprefix(f"{file.stem}-"), each) for each in found]
     return [each for number, each in sorted((int(n), each) for n, each in numbered if n.isdecimal())]

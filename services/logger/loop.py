@@ -93,7 +93,7 @@ def run(ctx: Context[LoggerParameters]) -> None:
 
 
 def pair_models(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str, str]]:
-    """Each robot with its model; raises BadInput for counts that do not match, and for duplicate names."""
+    """Pair each robot with its model; raises BadInput for mismatched counts and for duplicate names."""
     names = [robot.strip("/") for robot in robots]
     if len(set(names)) != len(names):
         raise BadInput(f"logger: robots {', '.join(names)}: a name is given twice")
@@ -105,7 +105,7 @@ def pair_models(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str,
 
 
 def pair_names(robots: Sequence[str], what: str, given: Sequence[str]) -> dict[str, str]:
-    """What is given for each robot, by its name; raises BadInput for another number of it."""
+    """Map each robot to its value; raises BadInput for mismatched counts."""
     if len(given) != len(robots):
         raise BadInput(f"logger: {len(given)} {what} for {len(robots)} robots: give one for each, or none")
     return dict(zip(robots, given, strict=True))
@@ -117,7 +117,7 @@ def write_batches(
     subscriptions: Sequence[RobotSubscriptions],
     last: bool = False,
 ) -> None:
-    """Write the collected columns, and warn of dropped rows."""
+    """Write the collected columns, and warn about dropped rows."""
     recording.write({each.robot: each.columns.flush() for each in subscriptions}, last)
     if lost := sum(each.columns.dropped for each in subscriptions):
         ctx.log.warn(f"{lost} rows were not recorded: more comes than is written, is the disk slow?", every=5.0)

@@ -1,4 +1,4 @@
-"""Markers as shapes of the viewer."""
+"""Converts markers to shapes of the viewer."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from services.markers.footprint import transformed
 from services.markers.world_bodies import marker_triangles
 
 FLAT_TRIANGLES = 50_000
-"""Triangles of a mesh whose faces are shaded flat, which takes three vertices for each."""
+"""Maximum number of triangles of a mesh with flat shading, which takes three vertices per triangle."""
 
 Floats = NDArray[np.float64]
 Rgba = tuple[int, ...]
 
 
 def marker_shape(marker: Marker, pose: Pose3 = IDENTITY) -> rr.AsComponents:
-    """A marker's shape with its own frame at ``pose``; raises BadInput for one that cannot be drawn."""
+    """Return a marker's shape with its own frame at ``pose``; raises BadInput for one that cannot be displayed."""
     half = marker.scale.x / 2, marker.scale.y / 2, marker.scale.z / 2
     colour, place = _rgba(marker.color), ([pose.position], [rr.Quaternion(xyzw=pose.orientation)])
     match marker.type:
@@ -60,7 +60,7 @@ def marker_shape(marker: Marker, pose: Pose3 = IDENTITY) -> rr.AsComponents:
 
 
 def _arrow(marker: Marker, pose: Pose3, colour: Rgba) -> rr.Arrows3D:
-    """An arrow between its two points, with a shaft as wide as ``scale.x``, or along x of its pose."""
+    """Return an arrow between its two points, with a shaft of width ``scale.x``, or along x of its pose."""
     if len(marker.points) >= 2:
         (start, end), width = _points(marker, pose)[:2], marker.scale.x
     else:
@@ -104,7 +104,7 @@ def _points(marker: Marker, pose: Pose3) -> Floats:
 
 
 def _colours(marker: Marker, colour: Rgba) -> list[Rgba]:
-    """One for each point, or one for all."""
+    """Return one colour per point, or one for all."""
     if len(marker.colors) != len(marker.points):
         return [colour]
     return [_rgba(each) for each in marker.colors]

@@ -1,4 +1,4 @@
-"""Builds a recording for the viewer from messages of a bag."""
+"""Builds a recording for the viewer from the messages of a bag."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ from services.runtime.tf.buffer import TransformBuffer
 OWN_TOPICS = frozenset(
     each.name for each in (GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, SCAN, PLAN, STATUS, GOAL_POSE, IMAGE)
 )
-"""Topics of robots, which are drawn as theirs or not at all."""
+"""Topics of robots; they are displayed as such or not at all."""
 WORLD = "world"
 BATCH_NS = 1_000_000_000
-"""Simulated time in one batch."""
+"""Simulated time of one batch [ns]."""
 
 
 class RecordingBuilder:
@@ -84,7 +84,7 @@ class RecordingBuilder:
         self._recording.__exit__(kind, error, trace)
 
     def add(self, topic: str, message: Message, time_ns: int) -> None:
-        """Add a message of the absolute name ``topic`` at a simulated time; what cannot be drawn is ignored."""
+        """Add a message of the absolute ``topic`` at a simulated time [ns]; unsupported messages are ignored."""
         self._last = time_ns
         if isinstance(message, Clock):
             self._on_clock(message)
@@ -117,7 +117,7 @@ class RecordingBuilder:
             self._due = time_ns + BATCH_NS
 
     def _frame(self, header: Header) -> Pose3:
-        """The pose of a frame in the world, by the fixed transforms; any other one counts as the world itself."""
+        """Return the pose of a frame in the world by the static transforms; the identity for any other frame."""
         try:
             return self._frames.lookup(WORLD, header.frame_id).transform
         except NoTransform:
@@ -160,5 +160,5 @@ def _add(columns: RobotColumns, name: str, message: Message, time_ns: int) -> No
 
 
 def recorded_name(namespace: str, model: str) -> str:
-    """A robot's name in the recording, as one part of an entity path: its model's in the root namespace."""
+    """Return a robot's name in the recording, one part of an entity path; in the root namespace, its model's name."""
     return namespace.strip("/").replace("/", "_") or model

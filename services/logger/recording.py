@@ -27,7 +27,7 @@ from services.runtime.ports import bind_error
 HOST = "127.0.0.1"
 
 FLUSH_TIMEOUT_S = 5.0
-"""Wall time [s] for the disk and the server to accept the data."""
+"""Maximum wall time [s] for the disk and the server to accept the data."""
 
 
 def open_sinks(
@@ -35,8 +35,8 @@ def open_sinks(
 ) -> tuple[str, str]:
     """Connect ``stream`` to ``file`` and, with a ``port``, to a server for viewers.
 
-    Returns the viewer's URL and the problem with the live view; one of the two is empty, both are without a port.
-    Raises BadInput when the file cannot be written.
+    Returns the viewer's URL and the problem with the live view; one of them is empty, without a port both. Raises
+    BadInput if the file cannot be written.
     """
     url, trouble = "", ""
     if port is not None and (trouble := _port_error(port)) == "":
@@ -64,7 +64,7 @@ def _connect(stream: rr.RecordingStream, layout: Blueprint, *sinks: rr.GrpcServe
 
 
 def _port_error(port: int) -> str:
-    """Why the port is not free; empty if it is. Checked first, since rerun's server fails later and silently."""
+    """Explain why the port is not free; empty if it is. Checked first, as rerun's server fails later and silently."""
     why = bind_error(port)
     return (
         f"no live view: port {port} of {HOST} is not free ({why.strerror}); is another logger running?" if why else ""
@@ -75,7 +75,7 @@ Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 STALE_NS = 500_000_000
-"""A robot without rows for longer is not waited for, and has no value."""
+"""Time [ns] after its last row beyond which a robot has no value and is not waited for."""
 
 
 class FleetSeries:
@@ -96,7 +96,7 @@ class FleetSeries:
         self._values[robot] = np.concatenate((self._values[robot], values))
 
     def drain(self, everything: bool = False) -> tuple[Stamps, Floats]:
-        """New times (n,) [ns] and values (n, robots, width), NaN where a robot has none."""
+        """Return new times (n,) [ns] and values (n, robots, width), NaN for a robot without a value."""
         ends = [int(each[-1]) for each in self._times if len(each)]
         if not ends:
             return np.empty(0, np.int64), np.empty((0, len(self._times), self._width))
@@ -125,15 +125,16 @@ APPLICATION = "elea"
 LEVELS = {DEBUG: "DEBUG", INFO: "INFO", WARN: "WARN", ERROR: "ERROR", FATAL: "CRITICAL"}
 
 REFERENCE_WIDTH = -0.7
-"""Radius of a reference path; rerun reads a negative one as points on the screen instead of metres."""
+"""Radius of a reference path; rerun interprets a negative one as points on the screen instead of metres."""
 
 
 class Recording:
     """Writes ``file``, and serves viewers on ``port`` of 127.0.0.1 unless that is None; ``with`` opens and closes it.
 
-    ``robots`` are (name, model); the frames of each begin with its prefix in ``prefixes``, or its name and a slash. A
-    live view that cannot start is reported to ``warn``; the file is still written.
-    ``with`` raises BadInput for a file that cannot be written or a model that does not exist.
+    ``robots`` are (name, model); each robot's frames have its prefix in ``prefixes``, by default its name and a slash.
+    If the live view cannot start, this is reported to ``warn`` and the file is still written.
+
+    ``with`` raises BadInput for a file that cannot be written or an unknown model.
     """
 
     def __init__(
@@ -184,7 +185,7 @@ class Recording:
         self._stream.disconnect()
 
     def log_at(self, entity: str, time_ns: int | None, *shapes: rr.AsComponents) -> None:
-        """Log shapes of an entity at a simulated time, or for all time."""
+        """Log shapes of an entity at a simulated time [ns], or static without one."""
         if time_ns is None:
             self._stream.log(entity, *shapes, static=True)
             return
@@ -195,7 +196,7 @@ class Recording:
         self._has_data = True
 
     def show_images(self, images: Mapping[str, str]) -> None:
-        """Give each topic of images a view: ``images`` are their entities."""
+        """Show a view for each image topic; ``images`` maps topics to entities."""
         if len(images) != len(self._images):
             self._images = dict(images)
             self._stream.send_blueprint(self._layout())
@@ -208,7 +209,7 @@ class Recording:
             self._warn(f"a part of the recording {self.file} may be missing: {failure}")
 
     def restart(self) -> None:
-        """Begin a new timeline: after a reset, simulation time starts again."""
+        """Start a new timeline, since simulation time starts again after a reset."""
         if self._has_data:
             self._resets, self._has_data = self._resets + 1, False
             self._reset_series()
@@ -226,7 +227,7 @@ class Recording:
             self._stream.send_blueprint(self._layout())
 
     def write_world(self, states: Sequence[WorldStates]) -> None:
-        """Append the states of the world's bodies that move."""
+        """Append the states of the world's moving bodies."""
         if self._world is None:
             return
         self._world.add_states(states)
@@ -251,7 +252,7 @@ class Recording:
         self._plot(entity_paths.ODOMETRY_ERROR, times, error[:, :, 0])
 
     def write_log(self, lines: Sequence[Log]) -> None:
-        """Append lines of the nodes' logs, each under its node."""
+        """Append log messages of the nodes, each under its node."""
         nodes: dict[str, list[Log]] = {}
         for line in lines:
             nodes.setdefault(line.name, []).append(line)
@@ -291,7 +292,7 @@ class Recording:
                 self._send(entity, ends, rr.LineStrips3D.columns(strips=segments.astype(np.float32)))
 
     def _plot(self, entity: str, times: Stamps, values: Floats) -> None:
-        """Send rows of one value for each robot, once any value is known."""
+        """Send rows with one value per robot, once any value is known."""
         if not np.isnan(values).all():
             self._send(entity, times, _scalar_columns(values))
 
@@ -338,11 +339,11 @@ class Recording:
 
 
 def _point_columns(clouds: Sequence[Floats]) -> rr.ComponentColumnList:
-    """A cloud of points, each (n, 3), for each time."""
+    """Return the columns of a point cloud (n, 3) per time."""
     every = np.concatenate(clouds).astype(np.float32)
     return rr.Points3D.columns(positions=every).partition([len(each) for each in clouds])
 
 
 def _scalar_columns(values: Floats) -> rr.ComponentColumnList:
-    """A row of values (n, series) for each time."""
+    """Return the columns of a row of values (n, series) per time."""
     return rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))

@@ -10,7 +10,7 @@ Stamps = NDArray[np.int64]
 
 
 def distance_to_segments(points: Floats, begins: Floats, ends: Floats) -> Floats:
-    """Distances [m], shape (n,), of points (n, 2) from the segments begins-ends, each (n, 2)."""
+    """Return the distances [m], shape (n,), of points (n, 2) from the segments begins-ends, each (n, 2)."""
     segments = ends - begins
     squares = np.einsum("ij,ij->i", segments, segments)
     along = np.einsum("ij,ij->i", points - begins, segments) / np.where(squares > 0, squares, 1.0)
@@ -20,7 +20,7 @@ def distance_to_segments(points: Floats, begins: Floats, ends: Floats) -> Floats
 
 
 class ReferencePath:
-    """A plan from ``start`` (2,) through ``goals`` (n, 2), both in the world [m], in force from ``since`` [ns] on."""
+    """A plan from ``start`` (2,) through ``goals`` (n, 2), both in the world [m], valid from ``since`` [ns] on."""
 
     def __init__(self, since: int, start: Floats, goals: Floats) -> None:
         self.points = np.vstack((start, goals))
@@ -38,12 +38,12 @@ class ReferencePath:
             self._segments.append(segment)
 
     def goal(self, index: int) -> tuple[float, float]:
-        """The goal ``index`` in the world [m]; the last one for a larger index."""
+        """Return the goal ``index`` in the world [m]; the last one for a larger index."""
         x, y = self.points[min(index + 1, self._last)]
         return float(x), float(y)
 
     def errors(self, times: Stamps, positions: Floats) -> tuple[Floats, Floats]:
-        """Cross-track error and distance to the goal [m], each (n,), of positions (n, 2); NaN before the plan."""
+        """Return cross-track error and goal distance [m], each (n,), of positions (n, 2); NaN before the plan."""
         at = np.searchsorted(self._since, times, side="right") - 1
         segments = np.array(self._segments)[np.maximum(at, 0)]
         begins, ends = self.points[segments[:, 0]], self.points[segments[:, 1]]

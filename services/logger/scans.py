@@ -15,7 +15,7 @@ from services.markers.footprint import transformed
 from services.runtime.tf.buffer import TransformBuffer
 
 MAX_SCANS = 200
-"""Scans kept between two batches: 40 s of a laser of 5 Hz."""
+"""Maximum number of scans kept between two batches: 40 s of a laser at 5 Hz."""
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -24,7 +24,7 @@ Stamps = NDArray[np.int64]
 class ScanBuffer:
     """Keeps a robot's scans until the true pose at their stamps is known; beyond ``limit`` the oldest are dropped.
 
-    Points in the laser's own frame would move with the robot until its next scan, and smear as it turns.
+    In the laser's own frame, points would move with the robot until its next scan, and smear as it turns.
     """
 
     def __init__(self, frames: TransformBuffer, limit: int = MAX_SCANS) -> None:
@@ -44,7 +44,7 @@ class ScanBuffer:
         self._waiting = []
 
     def to_world(self, base: str, truth: Floats) -> tuple[Stamps, list[Floats]]:
-        """Times [ns] and echoes, each (n, 3) [m] in the world, of the scans whose pose is now known.
+        """Return times [ns] and echoes, each (n, 3) [m] in the world, of the scans whose pose is now known.
 
         ``truth`` has rows of time [ns], position [m] and quaternion (x, y, z, w) of the frame ``base``. Scans from
         before it, and those of a laser without a transform, are left out.
@@ -63,7 +63,7 @@ class ScanBuffer:
 
 
 def _pose(truth: Floats, time: int) -> Pose3:
-    """The pose at a time within ``truth``."""
+    """Return the pose at a time within ``truth``."""
     after = int(np.searchsorted(truth[:, 0], time))
     late = truth[after]
     early = late if late[0] == time else truth[after - 1]

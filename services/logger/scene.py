@@ -18,19 +18,19 @@ from services.runtime.errors import BadInput
 
 
 def lightened(full: Colour) -> Colour:
-    """A colour halfway to white, for estimates and measurements."""
+    """Return a colour halfway to white, for estimates and measurements."""
     red, green, blue = full
     return (red + 255) // 2, (green + 255) // 2, (blue + 255) // 2
 
 
 def darkened(full: Colour) -> Colour:
-    """A darker shade of a colour, for set points and commands."""
+    """Return a darker shade of a colour, for set-points and commands."""
     red, green, blue = full
     return red * 5 // 9, green * 5 // 9, blue * 5 // 9
 
 
 TRAIL_WIDTH = -1.8
-"""Radius of a trail; rerun reads a negative one as points on the screen instead of metres."""
+"""Radius of a trail; rerun interprets a negative one as points on the screen instead of metres."""
 
 ODOMETRY_TRAIL_WIDTH = -0.9
 """Radius of the odometry trail, in the unit of TRAIL_WIDTH."""
@@ -49,11 +49,9 @@ Stamps = NDArray[np.int64]
 
 
 class RobotScene:
-    """The robot ``name``, built as ``model``, with frames that begin with ``prefix``.
+    """The robot ``name`` with the model ``model``, whose frames begin with ``prefix``.
 
-    Raises BadInput for an unknown model or an unreadable URDF.
-
-    ``is_arm`` is true for robots without wheels.
+    Raises BadInput for an unknown model or an unreadable URDF. ``is_arm`` is true for robots without wheels.
     """
 
     def __init__(self, name: str, model: str, prefix: str, colour: Colour) -> None:
@@ -129,7 +127,7 @@ class RobotScene:
         )
 
     def transforms(self, batch: Batch) -> tuple[Stamps, rr.ComponentColumnList]:
-        """Times and rows of all moving transforms; each row names its frames, since it replaces the whole transform."""
+        """Return times and rows of the moving transforms; each replaces a whole transform, including its frames."""
         times, positions, quaternions = [batch.times], [batch.positions], [batch.quaternions]
         parents, children = ["world"] * len(batch.times), [self._frame] * len(batch.times)
         for name, angles in zip(batch.joints, batch.angles.T, strict=True):
@@ -152,8 +150,8 @@ class RobotScene:
 
 
 def joint_transforms(joint: Joint, positions: Floats) -> tuple[Floats, Floats]:
-    """The child in the parent of a joint at ``positions`` (n,) [rad; m if it slides]: places (n, 3) and quaternions
-    (n, 4)."""
+    """Return the child's poses in the parent of a joint at ``positions`` (n,) [rad; m if prismatic]: translations (n,
+    3) and quaternions (n, 4)."""
     places = np.tile(joint.xyz, (len(positions), 1))
     if joint.kind != "prismatic":
         return places, joint_rotations(joint.rotation(), joint.axis, positions)
@@ -162,7 +160,8 @@ def joint_transforms(joint: Joint, positions: Floats) -> tuple[Floats, Floats]:
 
 
 def joint_rotations(mount: Rotation, axis: Vector, angles: Floats) -> Floats:
-    """Quaternions (n, 4) of a joint mounted as ``mount`` and turned about ``axis`` by ``angles`` (n,) [rad].
+    """Return the quaternions (n, 4) of a joint mounted as ``mount`` and rotated about ``axis`` by ``angles`` (n,)
+    [rad].
 
     The product ``mount * (axis sin(a/2), cos(a/2))``, components x, y, z, w.
     """

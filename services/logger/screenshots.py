@@ -1,4 +1,4 @@
-"""Screenshots of a recording by a headless viewer: repair of a torn file, close views, PNG files."""
+"""Screenshots of a recording by a headless viewer: repair of a truncated file, close views, PNG files."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from services.runtime.errors import BadInput, unknown_name
 from services.runtime.ports import free_port
 
 REPAIR_TIMEOUT_S = 120.0
-"""Wall time for the repair."""
+"""Maximum wall time of the repair [s]."""
 
 
 def repaired(rrd: Path, folder: Path) -> Path:
-    """The recording itself, or a copy in ``folder`` without its torn end.
+    """Return the recording itself, or a copy in ``folder`` without its truncated end.
 
-    Raises BadInput when neither can be read, or when nothing in it has a time, since the viewer would wait for it.
+    Raises BadInput if neither can be read, or if nothing in it has a time, since the viewer would wait for it.
     """
     if not rrd.is_file():
         raise BadInput(f"no recording {rrd}")
@@ -59,7 +59,7 @@ def repaired(rrd: Path, folder: Path) -> Path:
 
 
 def _read_error(rrd: Path) -> str:
-    """Why rerun cannot read the file; empty when it can."""
+    """Explain why rerun cannot read the file; empty if it can."""
     try:
         with warnings.catch_warnings(action="ignore"):
             recordings = RrdReader(rrd).recordings()
@@ -88,7 +88,7 @@ EYE_DISTANCE, EYE_DISTANCE_RADII = 0.7, 5.0
 
 
 def robot_radii(rrd: Path) -> dict[str, float]:
-    """The robots of a recording with the radius [m] of their footprint; 0 for an arm."""
+    """Return the robots of a recording with the radius [m] of their footprint; 0 for an arm."""
     found: dict[str, float] = {}
     for chunk in RrdReader(rrd).stream():
         name, _, rest = chunk.entity_path.removeprefix("/").partition("/")
@@ -101,7 +101,7 @@ def robot_radii(rrd: Path) -> dict[str, float]:
 
 
 def robot_position(rrd: Path, robot: str, timeline: str, at: float) -> Point:
-    """The true position of a robot's base [m] ``at`` a time [s]; raises BadInput if the recording does not have it."""
+    """Return the true position of a robot's base [m] at a time [s]; raises BadInput if it is not in the recording."""
     latest, place = -1, None
     for chunk in RrdReader(rrd).stream():
         if chunk.entity_path != entity_paths.transforms(robot) or timeline not in chunk.timeline_names:
@@ -119,7 +119,7 @@ def robot_position(rrd: Path, robot: str, timeline: str, at: float) -> Point:
 
 
 def close_view(layout: Layout, radius: float, robot: str, place: Point) -> Layout:
-    """The layout with the eye next to ``robot`` at ``place``, its plots in front, and plots up to the cursor."""
+    """Return the layout with the eye next to ``robot`` at ``place``, its plots in front, and plots up to the cursor."""
     made = copy.deepcopy(layout)
     for path, parts in layout.items():
         name = parts.get("ViewBlueprint", {}).get("display_name")
@@ -140,7 +140,7 @@ def _eye(place: Point, radius: float) -> dict[str, list[float]]:
     away = EYE_DISTANCE + EYE_DISTANCE_RADII * (ARM_LABEL_HEIGHT / 3 if stands else radius)
     height = ARM_LABEL_HEIGHT / 2 if stands else radius / 2
     target = [place[0], place[1], place[2] + height]
-    # An arm swings in its x-z plane and is best seen along y.
+    # An arm swings in its x-z plane and is best viewed along y.
     side = (-0.25, -0.9, 0.3) if stands else EYE_DIRECTION
     return {
         "position": [each + away * part for each, part in zip(target, side, strict=True)],
@@ -150,23 +150,23 @@ def _eye(place: Point, radius: float) -> dict[str, list[float]]:
 
 
 SIZE = (1920, 1080)
-"""Pixels."""
+"""Default size of a screenshot [pixels]."""
 MENU_HEIGHT = 37
-"""Height of the viewer's menu, which is cropped."""
+"""Height of the viewer's menu [pixels], which is cropped."""
 PALETTE_SIZE = 256
-"""Colours in an image, including those of the robots: a third of the bytes, without a visible difference."""
+"""Number of colours in an image, including those of the robots: a third of the size, without a visible difference."""
 LOAD_TIMEOUT_S = 60.0
-"""Wall time for the viewer to start and load the recording; a lap of four robots takes about 2 s."""
+"""Maximum wall time [s] for the viewer to start and load the recording; a lap of four robots takes about 2 s."""
 SETTLE_TIMEOUT_S = 30.0
-"""Wall time for the image to settle."""
+"""Maximum wall time [s] for the image to settle."""
 SETTLE_PERIOD_S = 0.7
-"""Wall time between two images that are compared to decide whether it has settled."""
+"""Wall time [s] between two images that are compared to decide whether it has settled."""
 
 
 class Screenshot(NamedTuple):
     """A screenshot to take: its file, the simulation time [s], and the robot to view closely.
 
-    The time defaults to the end of the recording, the view to the one in which it opens.
+    By default, the time is the end of the recording, and the view its initial one.
     """
 
     png: Path
@@ -177,8 +177,8 @@ class Screenshot(NamedTuple):
 def screenshots(rrd: Path, shots: Sequence[Screenshot], size: tuple[int, int] = SIZE) -> None:
     """Write screenshots of ``size`` in pixels.
 
-    Raises BadInput when the recording cannot be shown, has no such robot, or this machine cannot draw; the error then
-    says what to install.
+    Raises BadInput if the recording cannot be displayed, has no such robot, or this machine cannot render; the error
+    then says what to install.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = repaired(rrd, Path(folder))
@@ -210,10 +210,10 @@ def _capture(
 
 @contextmanager
 def headless_viewer(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerClient]:
-    """A viewer without a window that shows the recording; it listens on 127.0.0.1 only and ends with the block.
+    """Run a headless viewer of the recording, which listens on 127.0.0.1 only and ends with the block.
 
-    A recording whose writer was killed is shown up to its torn end.
-    Raises BadInput when it cannot start or does not show the recording within LOAD_TIMEOUT_S.
+    A recording whose logger was killed is displayed up to its truncated end. Raises BadInput if the viewer cannot start
+    or does not display the recording within LOAD_TIMEOUT_S.
     """
     port = free_port()
     command = [str(RERUN), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
@@ -245,7 +245,7 @@ def headless_viewer(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerC
 
 
 def _loaded(process: subprocess.Popen[bytes], url: str, rrd: Path) -> ViewerClient:
-    """The viewer, once all of the recording has arrived; raises ConnectionError when it has ended."""
+    """Return the viewer once the whole recording has arrived; raises ConnectionError if it has ended."""
     deadline = time.monotonic() + LOAD_TIMEOUT_S
     viewer: ViewerClient | None = None
     while time.monotonic() < deadline:
@@ -266,7 +266,7 @@ def _loaded(process: subprocess.Popen[bytes], url: str, rrd: Path) -> ViewerClie
 
 
 def _timeline(viewer: ViewerClient) -> tuple[str, float]:
-    """The timeline that the recording opens on, and its end [s]."""
+    """Return the initial timeline of the recording, and its end [s]."""
     recording = viewer.get_state().recordings[0]
     name = recording.current_timeline or TIMELINE
     ends = [each.end for each in recording.timelines if each.name == name and each.end is not None]
@@ -274,7 +274,7 @@ def _timeline(viewer: ViewerClient) -> tuple[str, float]:
 
 
 def _settled_image(viewer: ViewerClient) -> bytes:
-    """A PNG of the view once it no longer changes and is complete; the last one if it never settles."""
+    """Return a PNG of the view once it no longer changes and is complete; the last one if it never settles."""
     deadline = time.monotonic() + SETTLE_TIMEOUT_S
     before, now = b"", viewer.take_screenshot()
     while time.monotonic() < deadline:
@@ -301,7 +301,7 @@ def _write(png: Path, taken: bytes) -> None:
 
 
 def _cropped(taken: bytes) -> bytes:
-    """The image without the viewer's menu, reduced to a palette."""
+    """Return the image without the viewer's menu, reduced to a palette."""
     with Image.open(io.BytesIO(taken)) as whole, io.BytesIO() as out:
         below = whole.convert("RGB").crop((0, MENU_HEIGHT, whole.width, whole.height))
         palette = below.quantize(PALETTE_SIZE - len(COLOURS), Image.Quantize.MEDIANCUT)
@@ -311,7 +311,7 @@ def _cropped(taken: bytes) -> bytes:
 
 
 def _failure_reason(output: str, error: str) -> str:
-    """The reason why the viewer failed, from its output."""
+    """Return the reason why the viewer failed, from its output."""
     if "render context" in output or "graphics adapter" in output or "No suitable" in output:
         return (
             "no picture: this machine has no Vulkan driver to draw with; "

@@ -1,4 +1,4 @@
-"""Static transforms the logger needs: where odometry frames and lasers lie."""
+"""Static transforms that the logger needs: of odometry frames and lasers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WORLD = "world"
 
 
 def world_transform(frames: TransformBuffer, frame: str) -> Pose2 | None:
-    """The planar pose of a frame in the world; None if ``/tf_static`` does not have it."""
+    """Return the planar pose of a frame in the world; None if ``/tf_static`` does not have it."""
     if frame in ("", WORLD):
         return Pose2()
     if (found := mount_transform(frames, WORLD, frame)) is None:
@@ -28,14 +28,14 @@ def world_transform(frames: TransformBuffer, frame: str) -> Pose2 | None:
 
 
 def transform_points(transform: Pose2, points: Floats) -> Floats:
-    """Points of shape (n, 2) [m], mapped from a frame with the pose ``transform`` to its parent."""
+    """Transform points of shape (n, 2) [m] from a frame with the pose ``transform`` to its parent."""
     c, s = math.cos(transform.yaw), math.sin(transform.yaw)
     x, y = points[:, 0], points[:, 1]
     return np.column_stack((c * x - s * y + transform.x, s * x + c * y + transform.y))
 
 
 def mount_transform(frames: TransformBuffer, base: str, frame: str) -> Pose3 | None:
-    """The pose of a frame in ``base``; None if ``/tf_static`` does not have it."""
+    """Return the pose of a frame in ``base``; None if ``/tf_static`` does not have it."""
     if base == frame:
         return IDENTITY
     try:

@@ -1,4 +1,4 @@
-"""The topics that the logger subscribes to: those of each robot, and all that carry something to draw."""
+"""The topics that the logger subscribes to: those of each robot, and all others that can be displayed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from services.runtime.tf.buffer import TransformBuffer
 from services.runtime.tf.listener import TransformListener
 
 SIMULATION = "/sim"
-"""The node whose scans, images and transforms are drawn with its robots."""
+"""The node whose scans, images and transforms are displayed with its robots."""
 MAX_TOPICS = 64
 WORLD = "world"
 
@@ -45,12 +45,12 @@ class RobotSubscriptions:
     """Subscribes to a robot's topics and passes their messages to its columns.
 
     Args:
-        ctx: the logger's context.
-        robot: the robot's name.
-        namespace: that of its topics.
-        frames: transforms of ``/tf_static``.
-        state: topic of an arm's controller state; empty without one.
-        scans: whether to subscribe to its laser, which the simulation only computes for subscribers.
+        ctx: The logger's context.
+        robot: The robot's name.
+        namespace: The namespace of its topics.
+        frames: Transforms of ``/tf_static``.
+        state: Topic of an arm's controller state; empty without one.
+        scans: Whether to subscribe to its laser, which the simulation only computes for subscribers.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class RobotSubscriptions:
         self._status = ctx.stream(STATUS.of(namespace))
         self._scans = ctx.stream(SCAN.of(namespace)) if scans else None
         self.topics = tuple(each.of(namespace).name for each in (PLAN, GOAL_POSE, SCAN))
-        """Those of its topics that are drawn as its own."""
+        """Topics that are displayed with the robot."""
         self._control = ctx.stream(CONTROL_STATE.named(state)) if state else None
 
     def collect(self, now: int, dt: float) -> None:
@@ -101,8 +101,8 @@ class RobotSubscriptions:
 
 
 class DisplaySubscriptions:
-    """The topics that others than the simulation publish and that can be drawn; ``own`` are those of robots, which are
-    drawn otherwise."""
+    """Subscribes to all topics that can be displayed and are not published by the simulation; ``own`` are topics of
+    robots, which are displayed differently."""
 
     def __init__(self, ctx: Context[Any], own: Collection[str]) -> None:
         self._ctx, self._own = ctx, {WORLD_MARKERS.name, *own}
@@ -113,7 +113,7 @@ class DisplaySubscriptions:
         self._moving = False
 
     def frame(self, header: Header) -> Pose3:
-        """The pose of a frame in the world; one that no transform connects with it counts as the world itself."""
+        """Return the pose of a frame in the world; the identity if no transform connects it with the world."""
         if header.frame_id.lstrip("/") in ("", WORLD):
             return IDENTITY
         for time in (header.stamp.ns or None, None):
@@ -124,7 +124,7 @@ class DisplaySubscriptions:
         return IDENTITY
 
     def collect(self, scene: DisplayScene, now: int) -> None:
-        """Draw what came until ``now`` [ns]."""
+        """Display the messages received up to ``now`` [ns]."""
         self._follow(scene, now)
         for (name, _), subscriber in self._subscribers.items():
             for message, _ in subscriber.messages:

@@ -20,7 +20,7 @@ VIEWER_ENVIRONMENT = {"RERUN_APP_ONLY": "true"}
 
 
 def should_open(view: Literal["auto", "never", "always"], environment: Mapping[str, str]) -> bool:
-    """Whether to open a window; ``auto`` does if the environment has a display."""
+    """Whether to open a window; with ``auto`` if the environment has a display."""
     shown = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     return view == "always" or (view == "auto" and shown)
 
@@ -28,7 +28,7 @@ def should_open(view: Literal["auto", "never", "always"], environment: Mapping[s
 def open_viewer(url: str, environment: Mapping[str, str], log: Path) -> None:
     """Start a viewer on a live recording; it outlives this process.
 
-    Its output goes to ``log``. Raises OSError when it cannot be started.
+    Its output goes to ``log``. Raises OSError if it cannot be started.
     """
     _start(["--connect", url], environment, log)
 
@@ -51,11 +51,11 @@ def _start(arguments: list[str], environment: Mapping[str, str], log: Path) -> N
 
 
 CONVERT_TIMEOUT_S = 300.0
-"""Wall time for the conversion."""
+"""Maximum wall time of the conversion [s]."""
 
 
 def convert_bag(files: Sequence[Path], rrd: Path) -> None:
-    """Write the MCAP ``files`` as one recording; raises BadInput when the viewer cannot read them."""
+    """Write the MCAP ``files`` as one recording; raises BadInput if the viewer cannot read them."""
     with tempfile.TemporaryDirectory() as folder:
         parts = []
         for number, file in enumerate(files):

@@ -1,4 +1,4 @@
-"""The world in a recording: its bodies, logged once, and the transforms of those that move."""
+"""The world in a recording: its bodies, logged once, and the transforms of the moving ones."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ Stamps = NDArray[np.int64]
 
 
 class WorldScene:
-    """The bodies of the world; what cannot be drawn is reported to ``warn``.
+    """The bodies of the world; what cannot be displayed is reported to ``warn``.
 
-    States of bodies that move are collected by ``add_states`` and drained by ``transforms``.
+    States of moving bodies are added by ``add_states`` and drained by ``transforms``.
     """
 
     def __init__(self, array: MarkerArray, warn: Callable[[str], None]) -> None:
@@ -34,7 +34,7 @@ class WorldScene:
 
     @property
     def extent(self) -> tuple[float, float, float, float] | None:
-        """The ground that the bodies cover at the start, as the blueprint has it; None without bodies."""
+        """The ground area [m] of the bodies at the start, as in the blueprint; None without bodies."""
         parts = []
         for body in self._bodies:
             with suppress(BadInput):
@@ -58,7 +58,7 @@ class WorldScene:
                 if body.name in self._moving:
                     stream.log(entity, rr.CoordinateFrame(_frame(body.name)), shape, static=True)
                     continue
-                # A frame of its own, fixed in the world.
+                # A separate frame, fixed in the world.
                 frame, (p, q) = f"{_frame(body.name)}/{number}", (marker.pose.position, marker.pose.orientation)
                 place = rr.Transform3D(
                     translation=(p.x, p.y, p.z),
@@ -70,7 +70,7 @@ class WorldScene:
                 stream.log(f"{entity}/pose", place, static=True)
 
     def begin(self, time: int = 0) -> None:
-        """Put the bodies that move where they start, at ``time`` [ns] of a timeline that begins."""
+        """Reset moving bodies to their start poses, at ``time`` [ns] of a new timeline."""
         self._rows = [(time, body.name, body.markers[0].pose) for body in self._bodies if body.name in self._moving]
 
     def add_states(self, messages: Sequence[WorldStates]) -> None:
@@ -84,7 +84,7 @@ class WorldScene:
             ]
 
     def transforms(self) -> tuple[Stamps, rr.ComponentColumnList] | None:
-        """Times and rows of the transforms since the last call; None without any."""
+        """Return times and rows of the transforms since the last call; None without any."""
         rows, self._rows = sorted(self._rows, key=lambda row: row[0]), []
         if not rows:
             return None
@@ -100,5 +100,5 @@ class WorldScene:
 
 
 def _frame(name: str) -> str:
-    """The frame of a body in the recording; robots' frames have other names."""
+    """Return the frame of a body in the recording, distinct from robots' frames."""
     return f"world/{name}"

@@ -1,4 +1,4 @@
-"""The map server: publishes the map of a map.yaml on a latched topic, as ROS's map_server."""
+"""The map server: publishes the map of a map.yaml on a latched topic, like ROS's map_server."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loop of the map server: the map once, latched, and the request for it."""
+"""The loop of the map server: publishes the map once, latched, and serves requests for it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from services.runtime.errors import BadInput
 
 
 def run(ctx: Context[MapServerParameters]) -> None:
-    """Publish at once, before time begins or without it, and answer until asked to stop."""
+    """Publish at once, even before or without simulation time, and serve requests until asked to stop."""
     grid, stated = read_grid(ctx.params)
     for note in stated.notes:
         ctx.log.warn(note)
@@ -31,7 +31,7 @@ def run(ctx: Context[MapServerParameters]) -> None:
 
 
 def read_grid(p: MapServerParameters) -> tuple[OccupancyGrid, MapFile]:
-    """The map that the parameters name, and its file; raises BadInput."""
+    """Return the map named by the parameters, and its file; raises BadInput."""
     if not p.map:
         raise BadInput("map_server: it needs a map: map=PATH of a map.yaml")
     stated = read_map(Path(p.map).expanduser().absolute())

@@ -1,1 +1,1 @@
-"""Markers: what is drawn of messages, and what bodies cover on the ground; for viewer, panel, report and grader."""
+"""Markers for messages and world bodies, and the bodies' footprints; for viewer, panel, report and grader."""

@@ -1,4 +1,4 @@
-"""Messages as markers: how the viewer and the panel draw paths, poses, maps and scans."""
+"""Converts messages to markers: how the viewer and the panel display paths, poses, maps and scans."""
 
 from __future__ import annotations
 
@@ -22,14 +22,13 @@ ARROW_LENGTH_M, ARROW_WIDTH_M = 0.4, 0.05
 LINE_WIDTH_M = 0.03
 POINT_SIZE_M, ECHO_SIZE_M = 0.15, 0.04
 MAP_RISE_M = -0.02
-"""A map lies below what is drawn on it."""
+"""Height of a map [m], below everything displayed on it."""
 OCCUPIED, FREE = 65, 25
-"""Occupancies [%] from which on a cell counts as occupied, and up to which it counts as free, as trinary maps have
-them."""
+"""Occupancies [%] from which on a cell is occupied, and up to which it is free, as in trinary maps."""
 UNSET = 1e-9
-"""Length of a quaternion below which it is none."""
+"""Norm of a quaternion below which it is unset."""
 MAX_ELEMENTS = 20_000
-"""Poses or points of one message that are drawn."""
+"""Maximum number of poses or points displayed per message."""
 
 GREEN = ColorRGBA(r=0.1, g=0.75, b=0.2, a=1.0)
 RED = ColorRGBA(r=0.9, g=0.2, b=0.15, a=1.0)
@@ -65,7 +64,7 @@ def _scan(message: LaserScan) -> list[Marker]:
 
 
 def _map(message: OccupancyGrid) -> list[Marker]:
-    """Walls and floor, each as triangles; nothing for a map whose cells are not as many as it says."""
+    """Return walls and floor as triangles; nothing for a map with a wrong number of cells."""
     info = message.info
     if not info.width or info.width * info.height != len(message.data):
         return []
@@ -85,7 +84,7 @@ def _map(message: OccupancyGrid) -> list[Marker]:
 
 
 def _triangles(filled: NDArray[np.bool_], edge: float) -> NDArray[np.float64]:
-    """Rectangles that cover cells of the length ``edge`` [m], each as two triangles; shape (6 n, 3)."""
+    """Cover cells of edge length ``edge`` [m] with rectangles, each as two triangles; shape (6 n, 3)."""
     parts = [
         ((left, top), (right, top), (right, bottom), (left, top), (right, bottom), (left, bottom))
         for top, left, bottom, right in rectangles(filled)
@@ -127,15 +126,14 @@ _DISPLAYS: dict[str, Callable[[Any], list[Marker]]] = {
 }
 
 DISPLAYED = tuple(_DISPLAYS)
-"""The types of which something is drawn."""
+"""The message types that can be converted to markers."""
 
 
 def markers_of(message: Message) -> list[Marker]:
-    """What is drawn of a message of one of the types DISPLAYED.
+    """Convert a message of one of the types DISPLAYED to markers.
 
-    An orientation that was never set, as a message of ROS 1 begins with, counts as none, as in RViz.
-
-    Raises BadInput for a map that is scattered in too many cells.
+    An unset orientation, the default in ROS 1 messages, counts as the identity, as in RViz. Raises BadInput for a map
+    whose cells form too many rectangles.
     """
     return [_oriented(each) for each in _DISPLAYS[message.ROS_TYPE](message)]
 
@@ -148,7 +146,7 @@ def _oriented(marker: Marker) -> Marker:
 
 
 def scan_points(scan: LaserScan) -> NDArray[np.float64]:
-    """The echoes of a scan, (n, 3) [m] in the laser's frame; rays without an echo are left out."""
+    """Return the echoes of a scan, (n, 3) [m] in the laser's frame; rays without an echo are left out."""
     ranges = scan.ranges.numpy().astype(np.float64)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
@@ -157,17 +155,17 @@ def scan_points(scan: LaserScan) -> NDArray[np.float64]:
 
 
 class MarkerSet:
-    """The markers of one topic that are shown, by namespace and id, each with the version that it came with."""
+    """The current markers of one topic, by namespace and ID, each with the version at which it was added."""
 
     def __init__(self) -> None:
         self.shown: dict[tuple[str, int], tuple[int, Marker]] = {}
         self.gone: dict[tuple[str, int], int] = {}
-        """Those that are not shown any more, with the version that they went with."""
+        """Removed markers, with the version at which they were removed."""
         self._ends: dict[tuple[str, int], int] = {}
-        """Simulation time [ns] at which the lifetime of a marker is over, for those that have one."""
+        """Simulation time [ns] at which markers with a lifetime expire."""
 
     def add(self, markers: Iterable[Marker], version: int, now: int) -> None:
-        """Take in markers as they come at ``now`` [ns]: added, deleted, or all of them deleted."""
+        """Process markers received at ``now`` [ns]: added, deleted, or all deleted."""
         for each in markers:
             place = each.ns, each.id
             self._ends.pop(place, None)
@@ -185,12 +183,12 @@ class MarkerSet:
                     self._ends[place] = now + each.lifetime.ns
 
     def expire(self, now: int) -> dict[tuple[str, int], int]:
-        """Drop the markers whose lifetime is over at ``now`` [ns]; returns them, with the time of their end [ns]."""
+        """Remove the markers whose lifetime has expired at ``now`` [ns]; return them with their expiry times [ns]."""
         over = {place: end for place, end in self._ends.items() if end <= now}
         for place in over:
             del self._ends[place]
         return {place: end for place, end in over.items() if self.shown.pop(place, None) is not None}
 
     def restart(self) -> None:
-        """Time begins again: lifetimes count from there."""
+        """Restart lifetimes from 0 after a reset of time."""
         self._ends = {place: self.shown[place][1].lifetime.ns for place in self._ends if place in self.shown}

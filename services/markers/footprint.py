@@ -1,4 +1,4 @@
-"""What bodies cover on the ground as seen from above, and how far points of the ground are from them."""
+"""Footprints of bodies on the ground, and distances of points from them."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from messages.se3 import Pose3, Vector, rotate, rotated_axes
 Floats = NDArray[np.float64]
 
 CIRCLE_POINTS = 48
-"""Corners of a circle where a polygon stands for it: its edge lies within 0.2 % of the radius."""
+"""Corners of the polygon that approximates a circle: its edges are within 0.2 % of the radius."""
 
 LARGEST_BLOCK = 1 << 19
-"""Pairs of point and edge whose distances are computed at once: 4 MiB for each array on the way."""
+"""Maximum number of point-edge pairs whose distances are computed at once: 4 MiB per intermediate array."""
 
 UPRIGHT = 1 - 1e-9
-"""Cosine of the angle to the vertical up to which a cylinder covers a circle."""
+"""Cosine of the tilt up to which a cylinder's footprint is a circle."""
 
 FLAT = 1e-12
-"""Area [m2] below which an outline encloses nothing: a plate on its edge."""
+"""Area [m2] below which an outline is degenerate, e.g. that of a plate on its edge."""
 
 
 class Footprint(NamedTuple):
-    """A convex area of the ground: all within ``radius`` [m] of the polygon ``corners``.
+    """A convex area of the ground: all points within ``radius`` [m] of the polygon ``corners``.
 
-    ``corners``, shape (n, 2) [m], are counter-clockwise in the world; a circle is one corner and a radius. The body
-    that covers it reaches from the height ``bottom`` to ``top`` [m].
+    ``corners``, shape (n, 2) [m], are counter-clockwise in the world frame; a circle is one corner and a radius. The
+    body spans the heights from ``bottom`` to ``top`` [m].
     """
 
     corners: Floats
@@ -39,7 +39,7 @@ class Footprint(NamedTuple):
     top: float
 
     def polygon(self) -> Floats:
-        """Its outline as a polygon, shape (n, 2) [m]; a circle has CIRCLE_POINTS corners."""
+        """Return the outline as a polygon, shape (n, 2) [m]; a circle has CIRCLE_POINTS corners."""
         if self.radius == 0:
             return self.corners
         turn = np.linspace(0, 2 * math.pi, CIRCLE_POINTS, endpoint=False)
@@ -50,19 +50,19 @@ class Footprint(NamedTuple):
 
 
 def box_footprint(pose: Pose3, size: Vector) -> Footprint:
-    """What a box covers, of the full ``size`` [m], turned in any way."""
+    """Return the footprint of a box of full ``size`` [m] in any orientation."""
     half = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size
     return points_footprint(pose, half)
 
 
 def sphere_footprint(pose: Pose3, diameter: float) -> Footprint:
-    """What a sphere covers, ``diameter`` in m."""
+    """Return the footprint of a sphere with ``diameter`` [m]."""
     x, y, z = pose.position
     return Footprint(np.array([[x, y]]), diameter / 2, z - diameter / 2, z + diameter / 2)
 
 
 def cylinder_footprint(pose: Pose3, diameter: float, length: float) -> Footprint:
-    """What a cylinder covers, its axis along z of its frame; m. Of a tilted one the ends are polygons."""
+    """Return the footprint of a cylinder along z of its frame [m]; if tilted, its ends are polygons."""
     x, y, z = pose.position
     axis = rotated_axes(pose.orientation)[2]
     if abs(axis[2]) > UPRIGHT:
@@ -74,20 +74,20 @@ def cylinder_footprint(pose: Pose3, diameter: float, length: float) -> Footprint
 
 
 def points_footprint(pose: Pose3, points: Floats) -> Footprint:
-    """What the convex hull of points covers, shape (n, 3) [m] in the frame that has the pose ``pose``."""
+    """Return the footprint of the convex hull of points, shape (n, 3) [m] in the frame with the pose ``pose``."""
     x, y, z = transformed(pose, points).T
     return Footprint(convex_hull(np.column_stack((x, y))), 0.0, float(z.min()), float(z.max()))
 
 
 def transformed(pose: Pose3, points: Floats) -> Floats:
-    """Points of a frame, shape (n, 3) [m], in its parent, in which the frame has the pose ``pose``."""
+    """Transform points, shape (n, 3) [m], from the frame with the pose ``pose`` to its parent."""
     x, y, z = points.T
     moved: Floats = np.column_stack(rotate(pose.orientation, (x, y, z))) + np.array(pose.position)
     return moved
 
 
 def convex_hull(points: Floats) -> Floats:
-    """The corners of the convex hull of points, shape (n, 2), counter-clockwise (Andrew's monotone chain)."""
+    """Return the corners of the convex hull of points, shape (n, 2), counter-clockwise (Andrew's monotone chain)."""
     points = np.unique(_near_the_edge(points), axis=0)
     if len(points) < 3:
         return points
@@ -109,7 +109,7 @@ def _half_hull(rows: Sequence[tuple[float, float]]) -> list[tuple[float, float]]
 
 
 def _near_the_edge(points: Floats) -> Floats:
-    """Points without most of those that lie inside: the chain takes a second for a million of them."""
+    """Remove most interior points: the monotone chain takes a second for a million of them."""
     if len(points) < 256:
         return points
     turn = np.linspace(0, 2 * math.pi, 32, endpoint=False)
@@ -126,7 +126,7 @@ def _near_the_edge(points: Floats) -> Floats:
 
 
 def triangle_footprints(pose: Pose3, triangles: Floats) -> list[Footprint]:
-    """What triangles cover, each by itself; shape (n, 3, 3) [m] in the frame that has the pose ``pose``."""
+    """Return the footprint of each triangle; shape (n, 3, 3) [m] in the frame with the pose ``pose``."""
     moved = transformed(pose, triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     (ax, ay), (bx, by) = (moved[:, 1] - moved[:, 0])[:, :2].T, (moved[:, 2] - moved[:, 0])[:, :2].T
     clockwise = ax * by - ay * bx < 0
@@ -139,7 +139,7 @@ def triangle_footprints(pose: Pose3, triangles: Floats) -> list[Footprint]:
 
 
 class NearestBody:
-    """Finds the nearest of several bodies, each with one footprint or several, and how far it is.
+    """Finds the nearest of several bodies, each with one or more footprints, and its distance.
 
     Distances are planar, and exact for polygons and circles. 100 points among 200 boxes take 3 ms at most.
     """
@@ -165,17 +165,17 @@ class NearestBody:
     def find(
         self, points: Floats, low: Floats, high: Floats, within: Floats | None = None
     ) -> tuple[Floats, NDArray[np.intp]]:
-        """The distance of each point to the nearest body, and which one that is.
+        """Return the distance of each point from the nearest body, and which one it is.
 
         Args:
-            points: shape (n, 2) [m].
-            low: what ends at or below this height [m] does not count; shape (n,).
-            high: nor what begins at or above this one; shape (n,).
-            within: what is farther [m] is not looked for, shape (n,); anything by default.
+            points: Shape (n, 2) [m].
+            low: Bodies that end at or below this height [m] are ignored; shape (n,).
+            high: Bodies that begin at or above this height [m] are ignored; shape (n,).
+            within: Maximum distance [m] to search, shape (n,); unlimited by default.
 
         Returns:
-            Distances [m], below 0 within a body and infinite where there is none, and the places of the bodies in the
-            list given; both of shape (n,).
+            Distances [m], negative within a body and infinite if none is found, and the indices of the bodies in the
+            list; both of shape (n,).
         """
         distances, nearest = np.full(len(points), math.inf), np.zeros(len(points), np.intp)
         if not len(self._counts):
@@ -199,7 +199,7 @@ class NearestBody:
         return np.where(distance <= within, distance, math.inf), self._owner[chosen][nearest]
 
     def _distances(self, points: Floats, chosen: NDArray[np.bool_]) -> Floats:
-        """The distances of points to the chosen parts, shape (n, parts) [m]."""
+        """Return the distances of points from the chosen parts, shape (n, parts) [m]."""
         edges = np.repeat(chosen, self._counts)
         starts = np.concatenate(([0], np.cumsum(self._counts[chosen])[:-1]))
         dx, dy = points[:, :1] - self._from[edges, 0], points[:, 1:] - self._from[edges, 1]

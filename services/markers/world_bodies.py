@@ -1,4 +1,4 @@
-"""The bodies of the world as ``/world/markers`` shows them, and what each covers on the ground."""
+"""The bodies of the world from ``/world/markers``, and their footprints on the ground."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from services.markers.footprint import (
 )
 
 GROUND = "ground"
-"""The namespace of markers that show what robots drive on, as ramps; and the name of the one that extends below all."""
+"""Namespace of markers of surfaces that robots drive on, e.g. ramps; also the name of the ground plane's marker."""
 FIXED = "fixed"
-"""The namespace of bodies that stay where they are."""
+"""Namespace of fixed bodies."""
 
 MAX_TRIANGLES = 20_000
-"""Triangles of a fixed body that are looked at one by one; of a larger one the convex hull counts."""
+"""Maximum number of triangles of a fixed body that are used singly; a larger one is replaced by its convex hull."""
 
 SPHERE_RINGS, SPHERE_MERIDIANS = 24, 48
-"""Points that stand for an ellipsoid."""
+"""Number of rings and meridians of the points that approximate an ellipsoid."""
 
 Floats = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
@@ -43,7 +43,7 @@ Colour = tuple[float, float, float, float]
 class WorldBody:
     """A body of the world: its name, its kind (``fixed``, ``movable``, ``moving`` or ``ground``) and its markers.
 
-    A body that may move has one marker alone.
+    A movable or moving body has a single marker.
     """
 
     name: str
@@ -58,17 +58,17 @@ class WorldBody:
 
     @property
     def pose(self) -> Pose3:
-        """Where it is at the start."""
+        """Pose of the body at the start."""
         return Pose3.from_msg(self.markers[0].pose)
 
     def footprints(self, pose: Pose3 | None = None) -> list[Footprint]:
-        """What it covers at ``pose``, or at the start.
+        """Return the footprints at ``pose``, by default at the start.
 
-        A fixed mesh or list of triangles covers what each of its triangles does, up to MAX_TRIANGLES, any other one its
-        convex hull: so they collide.
+        A fixed mesh or triangle list has one per triangle, up to MAX_TRIANGLES, any other one that of its convex hull,
+        which is how they collide.
 
         Raises:
-            BadInput: it has no triangles, its mesh cannot be read, or its type is not known here.
+            BadInput: It has no triangles, its mesh cannot be read, or its type is not supported.
         """
         return [each for marker in self.markers for each in self._marker(marker, pose or Pose3.from_msg(marker.pose))]
 
@@ -91,7 +91,7 @@ class WorldBody:
 
     @cached_property
     def _hulls(self) -> dict[int, Floats]:
-        """Points that span the convex hull of each marker of triangles, by its id, shape (n, 3) [m] in its frame."""
+        """Points that span the convex hull of each marker with triangles, by its ID, shape (n, 3) [m] in its frame."""
         found = {}
         for marker in self.markers:
             if marker.type in (Marker.TRIANGLE_LIST, Marker.MESH_RESOURCE):
@@ -101,10 +101,11 @@ class WorldBody:
 
 
 def marker_triangles(marker: Marker) -> Floats:
-    """The triangles of a TRIANGLE_LIST or of the file of a MESH_RESOURCE, shape (n, 3, 3) [m] in the marker's frame.
+    """Return the triangles of a TRIANGLE_LIST or of the file of a MESH_RESOURCE, shape (n, 3, 3) [m] in the marker's
+    frame.
 
     Raises:
-        BadInput: it has none, its file cannot be read, or it is of another type.
+        BadInput: It has none, its file cannot be read, or its type is not supported.
     """
     name = marker.text or f"{marker.ns}_{marker.id}"
     if marker.type == Marker.MESH_RESOURCE:
@@ -121,7 +122,7 @@ def marker_triangles(marker: Marker) -> Floats:
 
 
 def _mesh_path(resource: str) -> Path:
-    """The file of a marker's mesh; raises BadInput for what is not a file of this machine."""
+    """Return the file of a marker's mesh; raises BadInput unless it is a file on this machine."""
     url = urlsplit(resource)
     if url.scheme not in ("", "file") or url.netloc not in ("", "localhost"):
         raise BadInput(f"the mesh {resource[:200]!r} is not a file of this machine")
@@ -129,12 +130,11 @@ def _mesh_path(resource: str) -> Path:
 
 
 World = Sequence[tuple[WorldBody, list[Footprint]]]
-"""Bodies, each with what it covers at the start."""
+"""Bodies, each with its footprints at the start."""
 
 
 def world_bodies(array: MarkerArray) -> tuple[WorldBody, ...]:
-    """The bodies that the markers show, in their order; what is deleted or a label is left out, as is the ground that
-    extends below all."""
+    """Return the bodies of the markers, in their order; deletions, labels and the ground plane are left out."""
     found: dict[tuple[str, str], list[Marker]] = {}
     for each in array.markers:
         name = each.text or f"{each.ns}_{each.id}"

@@ -11,9 +11,9 @@ from services.reference import ReferenceParameters
 from services.runtime.errors import BadInput
 
 MAX_FILE_BYTES = 64 << 20
-"""Largest size of a file in bytes."""
+"""Maximum file size [bytes]."""
 MAX_ANGLE = 360_000.0
-"""Largest angle [deg]; a greater one must be a mistake."""
+"""Maximum angle [deg]; a greater one must be a mistake."""
 
 
 class ReferenceTable:
@@ -154,7 +154,7 @@ class WaveformGenerator:
             case "square":
                 return math.copysign(self._gain, math.pi - self._advance_phase(p.sin_ref_f * dt))
             case "chirp":
-                # Straight in time, so the frequency in the middle of the step is its mean.
+                # The frequency is linear in time, so the one in the middle of the step is its mean.
                 share = min(1.0, max(0.0, self._elapsed - dt / 2) / p.chirp_time)
                 return self._gain * math.sin(
                     self._advance_phase((p.chirp_from + share * (p.chirp_to - p.chirp_from)) * dt)

@@ -13,7 +13,7 @@ LOG_FILE = "p3dx_square_log.txt"
 
 
 _FIXED = {"live": False}
-"""Law, size and log do not change while the square is driven."""
+"""Law, size and log are fixed while the square is driven."""
 
 
 class SquareParameters(Parameters):

@@ -27,7 +27,7 @@ class Square:
         return SIDES * self.count or None
 
     def corner(self, index: int) -> Pose2:
-        """Target pose at corner ``index``: the end of its side, heading along the next. -1 is the start."""
+        """Return the target pose at corner ``index``: the end of its side, heading along the next. -1 is the start."""
         c, s = math.cos(self.start.yaw), math.sin(self.start.yaw)
         ahead, left = ((1, 0), (1, 1), (0, 1), (0, 0))[index % SIDES]
         return Pose2(
@@ -37,16 +37,16 @@ class Square:
         )
 
     def heading(self, index: int) -> float:
-        """Direction of side ``index`` [rad]; not wrapped, but the same in each round."""
+        """Return the direction of side ``index`` [rad]; not wrapped, but the same in each round."""
         return self.start.yaw + QUARTER_TURN * (index % SIDES)
 
     def segment(self, index: int) -> Segment:
-        """Side ``index``, which leads to the corner with the same index."""
+        """Return side ``index``, which leads to the corner with the same index."""
         begin, end = self.corner(index - 1), self.corner(index)
         return Segment(begin.x, begin.y, end.x, end.y)
 
     def corners(self) -> tuple[Pose2, ...]:
-        """All corners in order; those of one round if endless."""
+        """Return all corners in order; those of one round if endless."""
         return tuple(self.corner(index) for index in range(self.corner_count or SIDES))
 
 

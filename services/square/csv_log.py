@@ -12,7 +12,7 @@ from messages.se2 import Pose2, wrap
 from services.runtime.errors import BadInput
 
 MAX_SAMPLES = 64
-"""Samples kept: more than a second of them."""
+"""Number of samples kept: more than a second of them."""
 
 
 class TruthBuffer:
@@ -78,7 +78,7 @@ class CsvLog:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        # A failed flush was reported when it was written.
+        # A failed flush was already reported.
         with suppress(OSError):
             if self._file is not None:
                 self._file.close()

@@ -64,7 +64,7 @@ def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
                 ctx.log.info(f"start latched at ({start.x:.3f}, {start.y:.3f}) m, {math.degrees(start.yaw):.2f} deg")
             if move.command is not None:
                 commands.publish(Twist.planar(move.command.v, move.command.w))
-            # As the tutorial's, the log ends with the square.
+            # As in the tutorial, the log ends with the square.
             if now is not None and record is not None and move.state != "finished":
                 actual, stamp = pose_and_twist(now)[0], now.header.stamp.ns
                 record.add_row(tick.time, move.desired, actual, truth_buffer.at(stamp), move.index, move.phase)
@@ -99,7 +99,7 @@ def _open_log(p: SquareParameters) -> Iterator[CsvLog | None]:
 
 
 def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
-    """The planar pose and velocity in an odometry message."""
+    """Return the planar pose and velocity of an odometry message."""
     return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
 
 

@@ -126,7 +126,7 @@ def _advance_profile(now: ProfileState, behind: float, p: SquareParameters, dt: 
     wanted = stopping_speed(now.length - now.position, top, fall, dt)
     speed = max(now.speed - fall * dt, min(now.speed + rise * dt, wanted))
     at = now.position + speed * dt
-    # The last step of the brake is an exponential; below a micrometre or microradian it is over.
+    # The end of braking is exponential; below a micrometre or microradian it counts as complete.
     return (
         replace(now, position=now.length, speed=0.0)
         if now.length - at < 1e-6
@@ -148,7 +148,7 @@ def _command(now: ProfileState, behind: float, here: Pose2, p: SquareParameters,
 
 
 def _position_along(now: ProfileState, here: Pose2) -> float:
-    """Position of the robot along the side [m] or turn [rad]."""
+    """Return the position of the robot along the side [m] or turn [rad]."""
     if now.phase is Phase.DRIVE:
         left, _ = now.square.segment(now.index).remaining_and_offset(here)
         return now.square.side - left
@@ -156,7 +156,8 @@ def _position_along(now: ProfileState, here: Pose2) -> float:
 
 
 def _heading_error(now: ProfileState, here: Pose2, p: SquareParameters) -> float:
-    """Heading error [rad] relative to the course back onto the side, or to the side itself once the profile has ended.
+    """Return the heading error [rad] from the course back onto the side, or from the side itself once the profile has
+    ended.
 
     A lookahead below 4 v (1/GAIN + LAG) would make the offset oscillate: s^2 (1/GAIN + LAG) + s + v / lookahead = 0.
     """

@@ -93,7 +93,7 @@ def _act(now: TutorialState, p: SquareParameters) -> TutorialState:
 
 
 def _desired(now: TutorialState, p: SquareParameters) -> Pose2:
-    """Desired pose as logged by the tutorial: the end of the side while driving, the target heading while turning."""
+    """Return the desired pose as the tutorial logs it: the end of the side, or the target heading while turning."""
     if now.rotating:
         return Pose2(now.last_odometry.x, now.last_odometry.y, now.target_heading)
     yaw = now.side_start.yaw
@@ -149,7 +149,7 @@ def predict(p: SquareParameters, base: BaseStep) -> Prediction | None:
 
 
 def overrun(base: BaseStep, w: float) -> float:
-    """Return the angle [rad] by which a base turning at ``w`` [rad/s] turns on after the command to stop."""
+    """Return the angle [rad] that a base turning at ``w`` [rad/s] continues to turn after the command to stop."""
     for _ in range(round(60 / STEP_S)):
         base(Twist2(0.0, w))
     angle = 0.0

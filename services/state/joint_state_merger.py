@@ -17,7 +17,7 @@ _DEPENDENT = re.compile(rf"([^=*\s]+)=([^=*+\s]+?)(?:\*([+-]?{_NUMBER}))?([+-]{_
 
 
 class FreeJoint:
-    """State of one independent joint; None where no source has it. ``forward`` is the direction of ``delta``."""
+    """State of one independent joint; None if no source has it. ``forward`` is the direction of ``delta``."""
 
     def __init__(self, low: float, high: float, turns: bool) -> None:
         self.low, self.high, self.continuous = low, high, turns
@@ -29,7 +29,7 @@ class FreeJoint:
 
 
 class JointStateMerger:
-    """Merges the joints of a robot. Raises BadUrdf for a zero or a dependency that its joints do not allow."""
+    """Merges the joints of a robot. Raises BadUrdf for zeros or dependencies that its joints do not allow."""
 
     def __init__(self, description: RobotDescription, params: StateParameters) -> None:
         self._params = params
@@ -117,7 +117,7 @@ class JointStateMerger:
 
 
 def joint_limits(joint: Joint, smallest: bool) -> tuple[float, float, bool]:
-    """Return the limits [rad or m] of a joint (the safety controller's if narrower), and whether it rotates."""
+    """Return the limits [rad or m] of a joint (the safety controller's if narrower), and whether it is continuous."""
     if joint.kind == "continuous":
         return -math.pi, math.pi, True
     assert joint.limits.lower is not None

@@ -12,9 +12,9 @@ from messages.std import Header, Time
 from models.urdf import Joint, RobotDescription
 
 MAX_AGE_NS = 30_000_000_000
-"""Age beyond which a joint state causes a warning."""
+"""Age [ns] beyond which a joint state causes a warning."""
 MAX_AHEAD_NS = 1_000_000_000
-"""How far in the future a stamp may suppress further transforms of a joint."""
+"""Maximum time [ns] for which a stamp in the future may suppress further transforms of a joint."""
 
 
 class TransformResult(NamedTuple):
@@ -47,7 +47,7 @@ class LinkTransforms:
         return frozenset(self.frame(j.child) for j in self.description.joints if j.single_dof or j.kind == "fixed")
 
     def reset(self) -> None:
-        """Publish whatever comes next, as time has gone back."""
+        """Reset the rate limit, since time has gone back."""
         self._last.clear()
 
     def frame(self, link: str) -> str:

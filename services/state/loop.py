@@ -18,7 +18,7 @@ from services.state import StateParameters
 from services.state.robot_state_publisher import RobotStatePublisher
 
 MAX_OTHER_PUBLISHERS = 256
-"""Most publishers remembered; beyond that, the oldest is forgotten."""
+"""Maximum number of other publishers; beyond it, the oldest is dropped."""
 
 
 class OtherPublishers:
@@ -33,7 +33,7 @@ class OtherPublishers:
         self._reported: set[str] = set()
 
     def update(self, batch: Iterable[tuple[TFMessage, SampleInfo | None]]) -> None:
-        """Read the messages on /tf_static."""
+        """Process messages on /tf_static."""
         for message, origin in batch:
             sender = origin.publisher if origin is not None else b""
             if sender != self._own:
@@ -86,7 +86,7 @@ def run(ctx: Context[StateParameters]) -> None:
 
 
 def _merge_alone(ctx: Context[StateParameters], robots: Sequence[RobotStatePublisher]) -> None:
-    """Publish merged joint states until asked to stop, and leave the transforms to another node."""
+    """Publish merged joint states until asked to stop; the transforms are left to another node."""
     for tick in ctx.ticks():
         for robot in robots:
             if tick.reset:
@@ -130,7 +130,7 @@ def read_urdf(model: str, urdf: str) -> str:
 
 
 def heartbeat_detail(robots: Sequence[RobotStatePublisher]) -> str:
-    """Return the detail of the heartbeat."""
+    """Return the detail text of the heartbeat."""
     waiting = [robot.label for robot in robots if robot.links is None]
     refused = sum(robot.rejected for robot in robots)
     parts = [f"no description of {', '.join(waiting)}"] if waiting else []

@@ -47,7 +47,7 @@ class RobotStatePublisher:
         return f"/{self._namespace}"
 
     def set_description(self, urdf: str) -> None:
-        """Set the description; raises BadUrdf, and then keeps the previous one."""
+        """Set the description; raises BadUrdf, and keeps the previous one then."""
         p, description = self._ctx.params, parse_urdf(urdf)
         merger = JointStateMerger(description, p) if self._merges else None
         self.links = LinkTransforms(description, self.prefix, round(1e9 / p.publish_frequency), p.ignore_timestamp)
@@ -65,7 +65,7 @@ class RobotStatePublisher:
             )
 
     def update_description(self) -> bool:
-        """Read the topic of the description; return whether it has changed."""
+        """Read the topic of the description; return whether it changed."""
         changed = False
         for text in [] if self._urdf else self._description.drain():
             try:
@@ -113,7 +113,7 @@ class RobotStatePublisher:
         return [merged]
 
     def _name(self, topic: str) -> str:
-        """Return the name of a topic of this robot; one with a leading slash stays."""
+        """Return the name of a topic of this robot; a name with a leading slash is unchanged."""
         return topic if topic.startswith("/") else f"/{self._namespace}/{topic}".replace("//", "/")
 
     def _reject(self, text: str) -> None:

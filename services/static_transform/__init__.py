@@ -1,4 +1,4 @@
-"""The static transform service: publishes one fixed transform, as tf2's static_transform_publisher."""
+"""The static transform service: publishes one static transform, like tf2's static_transform_publisher."""
 
 from __future__ import annotations
 

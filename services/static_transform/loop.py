@@ -1,4 +1,4 @@
-"""The loop of the static transform service: one latched message, which stays for those who come later."""
+"""The loop of the static transform service: publishes one latched message, also for late subscribers."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from services.runtime.context import Context
 from services.static_transform import StaticTransformParameters
 
 LENGTH_TOLERANCE = 0.01
-"""Distance of a quaternion's length from 1."""
+"""Maximum deviation of a quaternion's norm from 1."""
 
 
 def run(ctx: Context[StaticTransformParameters]) -> None:
-    """Publish at once, before time begins or without it, and stay until asked to stop."""
+    """Publish at once, even before or without simulation time, and stay until asked to stop."""
     ctx.publish(TF_STATIC, TFMessage(transforms=(static_transform(ctx.params),)))
     ctx.node.clock_patience_s = math.inf
     for _ in ctx.ticks():
@@ -26,7 +26,7 @@ def run(ctx: Context[StaticTransformParameters]) -> None:
 
 
 def static_transform(p: StaticTransformParameters) -> TransformStamped:
-    """The transform that the parameters describe; raises BadInput for one that is none."""
+    """Return the transform of the parameters; raises BadInput for an invalid one."""
     parent, child = p.frame_id.lstrip("/"), p.child_frame_id.lstrip("/")
     if not parent or not child:
         raise BadInput("static_transform: both frames need a name: frame_id=PARENT child_frame_id=CHILD")

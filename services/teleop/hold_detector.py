@@ -5,7 +5,7 @@ time-out fits: if shorter than the delay, a held key stutters; if longer, a rele
 event counts for longer than the delay, and once repeats are seen, the time-out is three of their intervals. The delay
 is learned from each hold, so that the next first event counts for just long enough.
 
-All times are in seconds of one clock, which is the wall clock for a person.
+All times are in seconds of one clock, the wall clock for a human.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ MOVES = {
     "t": Direction(0, 0, 1, 0),
     "b": Direction(0, 0, -1, 0),
 }
-"""With shift, a holonomic base moves sideways where another one turns."""
+"""With shift, a holonomic base moves sideways where other bases turn."""
 
 SCALES = {
     "q": Scale(1.1, 1.1),

@@ -1,4 +1,4 @@
-"""The loops of teleop: drive by a person's keys in wall time, or by a script of keys in simulation time.
+"""The loops of teleop: drive with a user's keys in wall time, or with a script of keys in simulation time.
 
 Two clocks meet here. Whether a key is held is decided in wall time, so that a paused, slow or fast simulation does not
 matter. Commands are sent in simulation time: zero is sent for ``give_way`` of simulation time after the last key, so
@@ -23,12 +23,12 @@ from services.teleop.terminal import Terminal, require_terminal
 LOOP_PERIOD_S = 0.02
 """Wall time [s] of a loop without key events: the delay until a released key is noticed."""
 EXIT_DELAY_S = 1.0
-"""Simulation time for which the process stays after a script has ended, so that the base times out reproducibly
+"""Simulation time [s] for which the process stays after a script has ended, so that the base times out reproducibly
 instead of when the process exits."""
 
 
 def run(ctx: Context[TeleopParameters]) -> None:
-    """Drive until the person, the script or the supervisor stops it; the last command is zero, unless others drive."""
+    """Drive until the user, the script or the supervisor stops it; the last command is zero, unless others drive."""
     script = KeyScript(script_events(ctx.params))
     if script.done:
         require_terminal()
@@ -69,7 +69,7 @@ def run_script(ctx: Context[TeleopParameters], script: KeyScript, commands: Comm
 def run_keyboard(
     ctx: Context[TeleopParameters], keyboard: Keyboard, screen: Screen, commands: CommandPublisher
 ) -> None:
-    """Follow the keyboard until it is gone or the process is asked to stop."""
+    """Follow the keyboard until it is disconnected or the process is asked to stop."""
     p, node, repeater = ctx.params, ctx.node, commands.repeater
     keys, monitor = KeyState.initial(p), RobotMonitor(ctx, time.monotonic())
     screen.print_header(commands.topic)
@@ -84,7 +84,7 @@ def run_keyboard(
             repeater.reset()
         for event in events:
             keys = on_key(keys, event, p)
-        # No other key event came until ``due``; while this loop was held up since then, events were not read.
+        # No other key event occurred until ``due``; if this loop was delayed since then, later events are not read yet.
         wanted = keys.command(min(wall, due))
         commands.update(wanted, wall, monitor.sim_seconds, bool(events), any(map(is_stop, events)))
         node.heartbeat.state, node.heartbeat.ticks = monitor.state, node.heartbeat.ticks + 1

@@ -21,7 +21,7 @@ from services.teleop import TeleopParameters
 from services.teleop.keys import ZERO_VELOCITY, Velocity
 
 STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
-"""``cmd_vel`` as newer ROS 2 bases expect it."""
+"""``cmd_vel`` as expected by newer ROS 2 bases."""
 
 
 class CommandPublisher:
@@ -140,7 +140,7 @@ class RobotMonitor:
 
     @property
     def turtle(self) -> bool:
-        """Whether this is a turtle of turtlesim, which has a pose alone."""
+        """Whether this is a turtle of turtlesim, which has only a pose."""
         return self._pose is not None
 
     @property
@@ -170,7 +170,7 @@ class BaseInfo(NamedTuple):
 def find_bases(entities: Iterable[Entity]) -> dict[str, BaseInfo]:
     """Return the bases by namespace: nodes that subscribe to ``cmd_vel`` and publish there, unlike observers.
 
-    A controller's name is a second namespace of its base, below that in which the base tells of its status.
+    A controller's name is a second namespace of its base, below the one in which the base publishes its status.
     """
     known = tuple(entities)
     telling = {

@@ -65,7 +65,7 @@ def _command_text(sent: Velocity | None) -> str:
 def _odometry_text(moving: Twist | None) -> str:
     if moving is None:
         return "no odometry"
-    # Adding 0 takes the sign off a zero.
+    # Adding 0 removes the sign of a negative zero.
     return f"{round(moving.linear.x, 2) + 0:+.2f} m/s   {round(moving.angular.z, 2) + 0:+.2f} rad/s"
 
 
@@ -80,7 +80,7 @@ def _base_text(base: BaseStatus | None, node: str) -> str:
 
 
 class Screen:
-    """Standard output, if it is a terminal. Does not block: what cannot be written is skipped."""
+    """Standard output, if it is a terminal. Never blocks: what cannot be written is skipped."""
 
     def __init__(self, descriptor: int = STDOUT) -> None:
         self._descriptor = descriptor

@@ -12,7 +12,7 @@ from services.teleop.keys import KeyEvent
 MAX_TIME_S = 1e5
 """Latest time [s] in a script."""
 MAX_EVENTS = 100_000
-"""Most events of a script, repeats included."""
+"""Maximum number of events of a script, including repeats."""
 
 _ROUNDING_S = 1e-6
 _ENTRY = re.compile(r"(?P<key>space|up|down|left|right|[!-~])@(?P<start>\d+(?:\.\d+)?)(?:-(?P<end>\d+(?:\.\d+)?))?")
@@ -29,7 +29,7 @@ def script_events(p: TeleopParameters) -> tuple[KeyEvent, ...]:
     for index, (start, end, key) in enumerate(holds):
         following = holds[index + 1][0] if index + 1 < len(holds) else math.inf
         found.append(KeyEvent(key, start))
-        # Rounding neither costs the repeat at the end nor brings one after the next key.
+        # Rounding must neither drop the repeat at the end nor add one after the next key.
         last = min(end + _ROUNDING_S, following - _ROUNDING_S)
         repeats = math.floor((last - start - p.key_delay) / p.key_interval) + 1
         if len(found) + repeats > MAX_EVENTS:
@@ -54,13 +54,13 @@ def _hold(entry: str) -> tuple[float, float, str]:
 
 
 class KeyScript:
-    """Returns the events of a script when they are due."""
+    """Returns the events of a script as they become due."""
 
     def __init__(self, presses: tuple[KeyEvent, ...]) -> None:
         self._events, self._next = presses, 0
 
     def pop_due(self, now: float) -> list[KeyEvent]:
-        """Return the events due at ``now`` [s] that were not returned yet."""
+        """Return the events due at ``now`` [s] that were not returned before."""
         first = self._next
         while not self.done and self._events[self._next].time <= now:
             self._next += 1

@@ -16,7 +16,7 @@ from services.teleop.keys import KeyEvent
 ESCAPE_TIMEOUT_S = 0.05
 """Time [s] after an escape byte beyond which a byte does not belong to its sequence."""
 OTHER_KEY = "other"
-"""Stands for every key without a printable ASCII character, but for arrows: function keys, letters with accents."""
+"""Stands for every key without a printable ASCII character, except arrows: function keys, letters with accents."""
 ARROWS = {0x41: "up", 0x42: "down", 0x43: "right", 0x44: "left"}
 """Arrow keys by the final byte of their sequences ESC [ A and ESC O A."""
 
@@ -24,9 +24,9 @@ ARROWS = {0x41: "up", 0x42: "down", 0x43: "right", 0x44: "left"}
 class KeyDecoder:
     """Decodes a terminal's bytes into keys.
 
-    An arrow key whose sequence comes whole is that key. Any other escape sequence is one key without a binding, however
-    it is split: the O in the sequence of F1 must not drive the robot. It takes effect at its first byte, since it stops
-    the robot.
+    An arrow key whose sequence arrives whole is that key. Any other escape sequence is one unbound key, however it is
+    split: the O in the sequence of F1 must not drive the robot. It takes effect at its first byte, since it stops the
+    robot.
     """
 
     def __init__(self) -> None:
@@ -69,13 +69,13 @@ class KeyDecoder:
 
 
 def _arrow(data: bytes) -> str:
-    """The arrow key whose sequence ``data`` begins with; empty if it does not."""
+    """Return the arrow key whose sequence ``data`` begins with; empty if there is none."""
     return ARROWS.get(data[2], "") if data[:2] in (b"\x1b[", b"\x1bO") and len(data) > 2 else ""
 
 
 STDIN = 0
 STALL_S = 0.05
-"""Excess of a read's duration [s] beyond which the reader was stalled."""
+"""Time [s] by which a read exceeds its time-out from which on the reader counts as stalled."""
 _MAX_BYTES = 4096
 """Size of a terminal's input buffer in bytes."""
 _IFLAG, _LFLAG, _CC = 0, 3, 6
@@ -86,7 +86,7 @@ def require_terminal(descriptor: int = STDIN) -> None:
     """Raise BadInput unless the descriptor is a terminal in the foreground."""
     if not os.isatty(descriptor):
         raise BadInput("standard input is not a terminal: start teleop in one, or give it a script: --keys 'i@0.5-2'")
-    # A terminal that is not this session's has no foreground.
+    # tcgetpgrp fails for a terminal that is not this session's: it has no foreground.
     with contextlib.suppress(OSError):
         if os.tcgetpgrp(descriptor) != os.getpgrp():
             raise BadInput("teleop runs in the background, where no key reaches it: start it in the foreground")

@@ -1,6 +1,6 @@
 """The turtlesim service: turtles on a plane, with the topics, services and parameters of ROS's turtlesim.
 
-Its clock is the simulation's: a fleet has it beside a world without robots. ROS's moves its turtles every 16 ms of wall
+It runs on simulation time: in a fleet, its world has no robots. ROS's turtlesim moves its turtles every 16 ms of wall
 time; this one every 20 ms of simulation time, which are four physics steps.
 """
 
@@ -12,7 +12,7 @@ RATE_HZ = 50
 
 
 class TurtlesimParameters(Parameters):
-    """Parameters of turtlesim; the colour is painted at the next ``clear`` or ``reset``, as in ROS."""
+    """Parameters of turtlesim; a new colour is painted at the next ``clear`` or ``reset``, as in ROS."""
 
     background_r: int = param(69, 0, 255, "", "Red of the background.")
     background_g: int = param(86, 0, 255, "", "Green of the background.")

@@ -1,4 +1,4 @@
-"""The background's colour: parameters of the service, which ROS 1's programs also find in the tree of parameters."""
+"""The background colour: parameters of the service, which ROS 1 programs also find in the parameter tree."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHANNELS = ("background_r", "background_g", "background_b")
 
 
 class Background:
-    """The colour, by the tree where somebody has set it there (``rosparam set``), else by the service's parameters."""
+    """The colour: from the parameter tree if set there by others (``rosparam set``), else the service's parameters."""
 
     def __init__(self, ctx: Context[TurtlesimParameters]) -> None:
         self._ctx, self._tree = ctx, ctx.latest(ROSPARAM_TREE)
@@ -26,7 +26,7 @@ class Background:
         self._initial: dict[str, int] = {}
 
     def publish(self) -> None:
-        """Put the parameters into the tree, or take what a launch file has put there."""
+        """Write the parameters to the tree, or read what a launch file has set there."""
         ctx = self._ctx
         for name in CHANNELS:
             key, value = join(ctx.node_name, name), getattr(ctx.params, name)
@@ -42,14 +42,14 @@ class Background:
 
     @property
     def colour(self) -> Color:
-        """The colour that counts now."""
+        """The current colour."""
         values = {name: getattr(self._ctx.params, name) for name in CHANNELS} | self._initial
         if self._tree.value is not None:
             values |= self._stated(self._tree.value.tree)
         return Color(r=values["background_r"], g=values["background_g"], b=values["background_b"])
 
     def _stated(self, text: str) -> dict[str, int]:
-        """What the tree states that this service has not put there itself."""
+        """Return the values in the tree that this service has not set itself."""
         try:
             tree = ParameterTree.from_json(text)
         except BadInput:

@@ -1,4 +1,4 @@
-"""What the turtles' pens have drawn: lines of few points for viewers, and pixels for the turtles' colour sensors."""
+"""The trails of the turtles' pens: polylines with few points for viewers, pixels for the turtles' colour sensors."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from services.turtlesim.turtle import PIXELS_PER_METRE, WINDOW_PIXELS
 Point = tuple[float, float]
 
 TOLERANCE_M = 0.005
-"""Distance [m] of a drawn line from the turtle's way; a quarter of a pixel of ROS's window."""
+"""Maximum distance [m] of a drawn line from the turtle's path; a quarter of a pixel of ROS's window."""
 MAX_POINTS = 200
-"""Points of a line; the trail goes on in another one. A line that has grown is sent whole."""
+"""Maximum number of points of a line; the trail continues in another one. A line that has grown is sent whole."""
 MAX_PENDING = 100
-"""Positions that one straight part of a line stands for at most."""
+"""Maximum number of positions that one straight part of a line replaces."""
 MAX_LINES = 2000
-"""Lines that are kept; beyond, the oldest are forgotten."""
+"""Maximum number of lines; beyond it, the oldest are dropped."""
 
 
 @dataclass
 class Line:
-    """A line of one colour and width [pixels], with a number of its own; ``points`` in m.
+    """A line of one colour and width [pixels], with a unique number; ``points`` in m.
 
     ``pending`` are the positions since the last point but one. The last point moves along while the turtle goes
-    straight. ``changed`` says that viewers do not have it as it is.
+    straight. ``changed`` marks a line that viewers have not received in its current state.
     """
 
     number: int
@@ -39,7 +39,7 @@ class Line:
     changed: bool = True
 
     def fits(self, end: Point) -> bool:
-        """Whether all positions since the last point but one lie on the straight way from there to ``end``."""
+        """Whether all positions since the last point but one lie on the straight line from there to ``end``."""
         if len(self.points) < 2 or len(self.pending) >= MAX_PENDING:
             return False
         start = self.points[-2]
@@ -53,11 +53,11 @@ class Line:
         return True
 
     def full_for(self, end: Point) -> bool:
-        """Whether ``end`` would be a point too many."""
+        """Whether the line is full and ``end`` would need another point."""
         return len(self.points) >= MAX_POINTS and not self.fits(end)
 
     def extend(self, end: Point) -> None:
-        """Draw on to ``end``."""
+        """Extend the line to ``end``."""
         if self.fits(end):
             self.points[-1] = end
         else:
@@ -68,12 +68,12 @@ class Line:
 
 
 class Trails:
-    """The lines of all turtles, in the order in which they were begun."""
+    """The lines of all turtles, in order of creation."""
 
     def __init__(self) -> None:
         self.lines: dict[int, Line] = {}
         self._drawn: dict[str, Line] = {}
-        """By turtle, the line that it draws."""
+        """The current line of each turtle."""
         self._count = 0
 
     def lift(self, turtle: str) -> None:
@@ -81,11 +81,11 @@ class Trails:
         self._drawn.pop(turtle, None)
 
     def clear(self) -> None:
-        """Forget all lines."""
+        """Remove all lines."""
         self.lines, self._drawn = {}, {}
 
     def draw(self, turtle: str, start: Point, end: Point, colour: Color, width: int) -> None:
-        """Draw from where a turtle was to where it is."""
+        """Draw from the turtle's previous to its current position."""
         line = self._drawn.get(turtle)
         if line is None or (line.colour, line.width, line.points[-1]) != (colour, width, start) or line.full_for(end):
             line = self._begin(turtle, start, colour, width)
@@ -100,7 +100,7 @@ class Trails:
 
 
 class Canvas:
-    """A picture of the plane, as large as ROS's window. Points are in m from the lower left corner."""
+    """An image of the plane, as large as ROS's window. Points are in m from the lower left corner."""
 
     def __init__(self, background: Color) -> None:
         self._pixels = np.empty((WINDOW_PIXELS, WINDOW_PIXELS, 3), np.uint8)
@@ -124,19 +124,19 @@ class Canvas:
         self._pixels[top:bottom, left:right][distance <= reach] = colour.r, colour.g, colour.b
 
     def colour_at(self, point: Point) -> Color:
-        """The colour of a point."""
+        """Return the colour at a point."""
         column, row = (min(max(round(each), 0), WINDOW_PIXELS - 1) for each in _pixel(point))
         red, green, blue = self._pixels[row, column].tolist()
         return Color(r=red, g=green, b=blue)
 
 
 def _pixel(point: Point) -> Point:
-    """Column and row of a point; rows count downwards."""
+    """Return column and row of a point; rows count downwards."""
     x, y = point
     return x * PIXELS_PER_METRE, WINDOW_PIXELS - 1 - y * PIXELS_PER_METRE
 
 
 def _span(one: float, other: float, reach: float) -> tuple[int, int]:
-    """The pixels, from the first to behind the last, within ``reach`` of both ends."""
+    """Return the pixel range, first to one past the last, within ``reach`` of both ends."""
     low, high = sorted((one, other))
     return max(0, math.floor(low - reach)), min(WINDOW_PIXELS, math.ceil(high + reach) + 1)

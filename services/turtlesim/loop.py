@@ -1,4 +1,4 @@
-"""The loop of turtlesim: commands and requests in, poses, colours and markers out."""
+"""The loop of turtlesim: receives commands and service requests, publishes poses, colours and markers."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ MARKERS_PERIOD_NS = 100_000_000
 
 
 def run(ctx: Context[TurtlesimParameters]) -> None:
-    """Move the turtles until asked to stop. A reset of simulation time begins again with turtle1."""
+    """Move the turtles until asked to stop. A reset of simulation time restarts with turtle1."""
     Turtlesim(ctx).run()
 
 
 class Turtlesim:
-    """The plane, and the topics and requests of its turtles."""
+    """The plane, and the topics and services of its turtles."""
 
     def __init__(self, ctx: Context[TurtlesimParameters]) -> None:
         self._ctx, self._background = ctx, Background(ctx)
@@ -69,7 +69,7 @@ class Turtlesim:
         self._viewers = ctx.node.transport.watch(token_pattern("sub", "*", self._output.name))
 
     def run(self) -> None:
-        """Serve and tick."""
+        """Serve requests and run the ticks."""
         self._background.publish()
         self._plane.clear(self._background.colour)
         services = self._services
@@ -114,7 +114,7 @@ class Turtlesim:
         )
 
     def _publish_markers(self, now: int, reset: bool) -> None:
-        """Send what has changed, ten times a second, and everything to a viewer that has come."""
+        """Publish changes ten times per second, and everything for a new viewer."""
         arrived = False
         while (token := self._viewers.poll()) is not None:
             arrived = arrived or token.alive
@@ -162,7 +162,7 @@ class Turtlesim:
         return TeleportRelativeResponse()
 
     def _match_ports(self) -> None:
-        """Open the topics and requests of new turtles, and close those of turtles that are gone."""
+        """Create the topics and services of new turtles, and close those of removed turtles."""
         turtles = self._plane.turtles
         for name in [each for each in self._ports if each not in turtles]:
             self._ports.pop(name).close()
@@ -176,7 +176,7 @@ class Turtlesim:
                 self._serve(name, TELEPORT_RELATIVE, self._teleport_relative)
 
     def _serve(self, name: str, request: Request[Any, Any], handle: Callable[[str, Any], Message]) -> None:
-        """Serve a request of a turtle; it is refused while the turtle is gone."""
+        """Serve a turtle's request; it is refused after the turtle was removed."""
 
         def answer(asked: Message) -> Message:
             if name not in self._plane.turtles:
@@ -201,12 +201,12 @@ class TurtlePorts:
         self.actions = RotateAbsoluteServer(node, name)
 
     def close(self) -> None:
-        """End the topics."""
+        """Close the topics."""
         self.actions.close()
         self._node.unregister(self._commands, self._poses, self._colours)
 
     def commanded(self, turtle: Turtle, tick: Tick, holonomic: bool) -> Turtle:
-        """The turtle under its newest command, or under its goal if it has one."""
+        """Return the turtle under its newest command, or under its goal if it has one."""
         for twist, _ in () if tick.reset else self._commands.messages[-1:]:
             turtle = turtle.command(velocity_of(twist, holonomic), tick.time)
         return self.actions.step(turtle, tick.time, not tick.reset)
@@ -218,5 +218,5 @@ class TurtlePorts:
 
 
 def velocity_of(twist: Twist, holonomic: bool) -> Velocity:
-    """What a command means to a turtle."""
+    """Convert a command to the velocity of a turtle."""
     return Velocity(twist.linear.x, twist.linear.y if holonomic else 0.0, twist.angular.z)

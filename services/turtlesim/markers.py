@@ -1,4 +1,4 @@
-"""The plane and the turtles' trails as markers: all of them for a viewer that comes, then what has changed."""
+"""The plane and the turtles' trails as markers: all of them for a new viewer, then changes."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ DELETEALL: Literal[3] = 3
 """``Marker.DELETEALL``."""
 THICKNESS_M = 0.02
 RISE_M = 1e-5
-"""Each line lies so much [m] above the one before, so that viewers draw it over that."""
+"""Height [m] of each line above the previous one, so that viewers draw it on top."""
 MAX_POINTS = 2000
-"""Points in one message, about 80 kB."""
+"""Maximum number of points in one message, about 80 kB."""
 
 
 class PlaneMarkers:
-    """The markers of a plane, and how much of them viewers have."""
+    """The markers of a plane, and which of them viewers have received."""
 
     def __init__(self, plane: Plane) -> None:
         self._plane = plane
         self._sent = 0
 
     def messages(self, now: int, everything: bool = False) -> Iterator[MarkerArray]:
-        """What viewers do not have yet, or ``everything``; ``now`` [ns]."""
+        """Yield the markers that viewers have not received yet, or ``everything``; ``now`` in ns."""
         plane, header = self._plane, Header(stamp=Time.of(now), frame_id=FRAME)
         wiped = self._sent != plane.generation
         part: list[Marker] = []

@@ -1,4 +1,4 @@
-"""The plane with its turtles: their names, pens and places, and what has been drawn on it."""
+"""The plane with its turtles: their names, pens and poses, and the drawing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PEN_COLOUR = Color(r=179, g=184, b=255)
 
 @dataclass(frozen=True)
 class Pen:
-    """What a turtle draws with; ``width`` in pixels of ROS's window."""
+    """The pen of a turtle; ``width`` in pixels of ROS's window."""
 
     colour: Color = PEN_COLOUR
     width: int = 3
@@ -27,7 +27,7 @@ class Pen:
 
 @dataclass
 class Resident:
-    """A turtle on the plane, its pen, and the colour that its sensor last saw."""
+    """A turtle on the plane, its pen, and the last colour of its sensor."""
 
     turtle: Turtle
     seen: Color
@@ -35,7 +35,7 @@ class Resident:
 
 
 class Plane:
-    """The turtles by name; turtle1 is there from the start. ``generation`` grows whenever all drawing is wiped."""
+    """The turtles by name; turtle1 exists from the start. ``generation`` increases whenever the drawing is cleared."""
 
     def __init__(self, background: Color) -> None:
         self.turtles: dict[str, Resident] = {}
@@ -45,19 +45,19 @@ class Plane:
         self.reset(background)
 
     def reset(self, background: Color) -> None:
-        """Begin again: an empty plane with turtle1 in its middle, looking along x."""
+        """Restart with an empty plane and turtle1 in its middle, facing along x."""
         self.turtles, self._count = {}, 0
         self.clear(background)
         self.spawn("", PLANE_M / 2, PLANE_M / 2, 0.0)
 
     def clear(self, background: Color) -> None:
-        """Wipe all drawing, and paint the background."""
+        """Clear the drawing, and paint the background."""
         self.background, self.generation = background, self.generation + 1
         self._canvas.clear(background)
         self.trails.clear()
 
     def spawn(self, name: str, x: float, y: float, theta: float) -> str:
-        """Add a turtle at a place [m, m, rad]; returns its name, the next free one for none. Raises BadInput."""
+        """Add a turtle at a pose [m, m, rad]; return its name, by default the next free one. Raises BadInput."""
         counted = False
         if len(self.turtles) >= MOST_TURTLES:
             raise BadInput(f"there are {MOST_TURTLES} turtles, more find no room: kill some first")
@@ -77,7 +77,7 @@ class Plane:
         return name
 
     def kill(self, name: str) -> None:
-        """Remove a turtle; what it drew stays. Raises BadInput."""
+        """Remove a turtle; its trail stays. Raises BadInput."""
         if name not in self.turtles:
             raise unknown_name("turtle", name, self.turtles)
         del self.turtles[name]

@@ -1,4 +1,4 @@
-"""The action ``rotate_absolute`` of one turtle: turn to a heading, over actionlib's topics."""
+"""The action ``rotate_absolute`` of one turtle: turn to a heading, with the topics of actionlib."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STATUS_PERIOD_NS = 200_000_000
 
 
 class RotateAbsoluteServer:
-    """The action server of the turtle ``name``; a new goal takes the place of the one that is followed."""
+    """The action server of the turtle ``name``; a new goal replaces the active one."""
 
     def __init__(self, node: Node, name: str) -> None:
         self._node, self._name, self._goals = node, node.identity.resolve(join(name, ACTION)), Goals()
@@ -49,11 +49,11 @@ class RotateAbsoluteServer:
         self._active, self._heading, self._start, self._status_due = "", 0.0, 0.0, 0
 
     def close(self) -> None:
-        """End the topics."""
+        """Close the topics."""
         self._node.unregister(self._received, self._cancelled, self._status, self._feedback, self._results)
 
     def step(self, turtle: Turtle, now: int, fresh: bool) -> Turtle:
-        """The turtle under the command that its goal needs; messages count if ``fresh``, unlike after a reset."""
+        """Return the turtle under its goal's command; messages are ignored, as after a reset, unless ``fresh``."""
         for message, _ in self._received.messages if fresh else ():
             self._accept(message, turtle, now)
         for cancel, _ in self._cancelled.messages if fresh else ():
@@ -69,7 +69,7 @@ class RotateAbsoluteServer:
         return turtle
 
     def restart(self) -> None:
-        """Simulation time begins again, without goals."""
+        """Restart without goals, after a reset of simulation time."""
         self._goals, self._active, self._status_due = Goals(), "", 0
 
     def _accept(self, message: RotateAbsoluteActionGoal, turtle: Turtle, now: int) -> None:

@@ -118,14 +118,17 @@ def _wanted_command(now: GoalState, here: Pose2, p: WaypointParameters) -> Twist
 
 
 def _heading_error(now: GoalState, here: Pose2, p: WaypointParameters) -> float:
-    """Heading error [rad]. A lookahead below 4 lag v makes the offset oscillate: s^2 lag + s + v / lookahead = 0."""
+    """Return the heading error [rad].
+
+    A lookahead below 4 lag v makes the offset oscillate: s^2 lag + s + v / lookahead = 0.
+    """
     if now.phase is Phase.ALIGN and now.goal.yaw is not None:
         return wrap(now.goal.yaw - here.yaw)
     return wrap(line_of_sight_heading(now.segment, here, max(p.lookahead, 4 * p.lag * p.max_linear)) - here.yaw)
 
 
 def plan_of(p: WaypointParameters) -> Plan:
-    """The plan of the parameters."""
+    """Return the plan of the parameters."""
     return Plan.through(p.goals, p.laps, p.final_yaw)
 
 
