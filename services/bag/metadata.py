@@ -96,7 +96,7 @@ def read_file_list(folder: Path) -> FileList:
         return FileList(None, f"{file} is cut or damaged: it does not say which files the bag has")
     if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
         return FileList(None, f"{file} is damaged: relative_file_paths is not a list of names")
-    # rosbag2 wrote them with the folder's own name before version 4 of the file.
+    # Before version 4 of the file, rosbag2 wrote them with the folder's own name.
     return FileList([each.removeprefix(f"{folder.resolve().name}/") for each in names], _cut(file, found))
 
 

@@ -57,7 +57,7 @@ class SetPublishers:
     """The publishers of two latched topics for each parameter set.
 
     In lockstep, members get the numbers of the last messages at the end of the tick in which they were sent, and wait
-    for them from the next tick on: if the publisher closed before, they would wait in vain. Otherwise it is closed
+    for them from the next tick on: a publisher closed before then would leave them waiting. Otherwise it is closed
     ``at_once``.
     """
 

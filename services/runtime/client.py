@@ -132,7 +132,7 @@ class Client:
     def messages(self, topic: Topic[M]) -> list[M]:
         """Return the messages received since the last call for this topic, oldest first; the first call subscribes.
 
-        Up to 1,024 are kept, fewer of large messages; beyond that, the oldest are lost.
+        Up to 1,024 are kept (8,192 of event topics, fewer of large messages); beyond that, the oldest are lost.
         """
         subscriber = self._subscriber(topic)
         subscriber.update()

@@ -20,7 +20,7 @@ class NetworkAddress(NamedTuple):
     @property
     def arguments(self) -> list[str]:
         """The command-line options that start a service on this network."""
-        far = () if is_local(endpoint(self.router)) else ("--topology", "star")  # peers meet on one machine alone
+        far = () if is_local(endpoint(self.router)) else ("--topology", "star")  # peers connect only on one machine
         return ["--connect", self.router, *(("--domain", self.domain) if self.domain else ()), *far]
 
 

@@ -304,7 +304,7 @@ class LockstepPacer:
         if go.paused:
             return None
         self._step = go
-        # The simulation waits for commands and Done; all other samples of the step leave after them, in one burst.
+        # The simulation waits for commands and Done; all other samples of the step are sent after them, in one burst.
         self._node.send_buffer.begin()
         return Instant(go.time, go.epoch, go.simulation)
 

@@ -117,7 +117,7 @@ def install_signal_handlers(stop: Callable[[], None]) -> None:
 def exit_now(status: int) -> None:
     """Exit at once, even if native threads are still running."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # its reader has gone
+        with suppress(OSError, ValueError):  # its reader has closed it
             stream.flush()
     os._exit(status)
 

@@ -47,7 +47,7 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
         params = followed.params if followed is not None else options["params"]
         steps = options["lockstep"] and service.role != "router"  # which only forwards what the others send
         context = Context(node, params, service.rate, steps, service.role == "observer", followed)
-        install_signal_handlers(stop)  # so far a signal ended whatever was waited for
+        install_signal_handlers(stop)  # until here, a signal raised Stopped at once
         try:
             run(context)
         finally:

@@ -21,7 +21,7 @@ Listener = Callable[[Entity, bool], None]
 class SubscriptionTokens:
     """Tracks the subscriptions of all nodes of the network.
 
-    A node declares its subscriptions before its readiness, so whoever sees it ready knows all its subscriptions and
+    A node declares its subscriptions before its readiness, so a node that sees it ready knows all its subscriptions and
     publishes for it from then on, the same in every run. ``listener`` is called for each change, for lockstep.
     """
 

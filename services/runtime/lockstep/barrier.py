@@ -440,7 +440,7 @@ class Barrier:
             member = self._members.get(entity.session)
             if member is not None and entity.node in member.ids:
                 if member.answer is not None and member.answer.leaving:
-                    return  # its last report is here, and counts with those of its tick
+                    return  # its last report has arrived, and is processed with those of its tick
                 if member.answer is None and member.session in self._pending:
                     self._ending.setdefault(member.session, time.monotonic())
                 else:

@@ -207,7 +207,7 @@ class LockstepMember:
             return go
         here = go.epoch, go.tick
         if here == self._last:
-            # The simulation asks again: its Go came twice, or the answer was lost.
+            # The simulation repeats its Go: the first one or its answer was slow or lost.
             if self._done is not None:
                 self._report(go.simulation, self._done)
             return None
@@ -219,7 +219,7 @@ class LockstepMember:
         for sent in self._sent:
             self.watermarks.advance(*sent)
         self._sent.clear()
-        if self._left:  # the simulation knows: their tokens may go, and a later one expects the others alone
+        if self._left:  # the simulation knows it: their tokens may go, and a later simulation expects only the others
             self._nodes = [node for node in self._nodes if node not in self._left]
             self._left = ()
             self.join()

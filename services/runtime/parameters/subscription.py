@@ -152,7 +152,7 @@ class ParameterSubscription(Generic[P]):
 
     def _apply(self, values: ParameterValues, source: bytes, undo: bool) -> int:
         if source == self._source and values.revision < self._revision:
-            return 0  # overtaken by the answer to a request
+            return 0  # the reply to a request was faster
         self._source, self._revision = source, values.revision
         self.error, self.refused = "", False
         live = {each.name: each for each in values.values if each.name in self._live}
@@ -172,7 +172,7 @@ class ParameterSubscription(Generic[P]):
                 self._refuse(str(error))
                 if not self._undo_requested:
                     self.client.request_undo(self, values.revision, str(error))
-            self._undo_requested = True  # once, until something fits again
+            self._undo_requested = True  # only once, until a valid update arrives
             return 0
         self._undo_requested = False
         return self._replace(params, origins)

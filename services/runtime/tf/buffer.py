@@ -88,7 +88,7 @@ class TransformBuffer:
             if child is not None and (child in links or len(links) < MAX_FRAMES):
                 links[child] = StampedTransform(each.header.frame_id.removeprefix("/"), Pose3.from_msg(each.transform))
                 self._moving.pop(child, None)
-        self._parents_seen.pop(publisher, None)  # at the end of the table: the last one received wins
+        self._parents_seen.pop(publisher, None)  # moves it to the end of the table: the last one received wins
         self._parents_seen[publisher] = links
         self._claims.static(publisher, {child: link.parent for child, link in links.items()})
         self._static = {child: link for links in self._parents_seen.values() for child, link in links.items()}

@@ -188,7 +188,7 @@ class LatchedPast:
 
 
 def _identity(sample: Any) -> tuple[Any, int, int]:
-    """Return the identity of a sample's copies; Python's hashes of bytes are salted per process, so none is forged."""
+    """Return what identifies a sample's copies; Python salts hashes of bytes per process, so they cannot be forged."""
     beside = sample.attachment
     return sample.timestamp, hash(sample.payload.to_bytes()), hash(b"" if beside is None else beside.to_bytes())
 

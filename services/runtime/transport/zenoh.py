@@ -425,7 +425,7 @@ class ZenohTransport:
         self.session = str(self._zenoh.zid())
         self._latching = Latching(self._zenoh)
         self._census = LivelinessCache()
-        if self._configuration["mode"] != "client":  # the router answers a client, and whole
+        if self._configuration["mode"] != "client":  # a client gets complete answers, from the router
             news: Any = FifoChannel(_MOST_TOKENS)
             self._census.news = self._zenoh.liveliness().declare_subscriber(f"{ADMIN_SPACE}/**", news, history=True)
         self._ticker = threading.Thread(target=self._run_ticker, name="ticker", daemon=True)
@@ -542,7 +542,7 @@ class ZenohTransport:
             self.open = False
             self._awake.set()
             self._ticker.join()  # a put into a closing session fails, and the thread with it
-            with suppress(zenoh.ZError):  # the link was gone already
+            with suppress(zenoh.ZError):  # the link was closed already
                 run_with_timeout(self._close_session, CLOSE_S)
             self._latching.close(CLOSE_S)
 
