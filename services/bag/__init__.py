@@ -1,1 +1,1 @@
-"""Bags: MCAP files as ROS 2 records them (profile ros2, CDR), in a rosbag2 folder; written, read, listed, exported."""
+"""Bags: MCAP files as recorded by ROS 2 (profile ros2, CDR) in a rosbag2 folder; writing, reading, listing, export."""

@@ -10,7 +10,7 @@ from messages.cdr.definitions import definitions, long_type_name, text_of
 from messages.topics import Quality
 
 CDR, RAW = "cdr", "msgpack"
-"""Message encodings: ROS 2's; that of the bus, for types that Elea does not know."""
+"""Message encodings: that of ROS 2, and that of the bus for types that Elea does not know."""
 
 
 class Raw(Message, frozen=True, kw_only=True):
@@ -22,14 +22,14 @@ class Raw(Message, frozen=True, kw_only=True):
 
 
 SIDECAR = "/_elea"
-"""Suffix of the topic that holds what a message's ROS 2 type lacks; ROS 2's tools hide such topics."""
+"""Suffix of the topic with the fields that a message's ROS 2 type lacks; ROS 2's tools hide such topics."""
 
 SENDER_SIDECAR = "/_sender"
-"""Suffix of the topic that holds the senders of a latched topic with several publishers; hidden as well."""
+"""Suffix of the topic with the senders of a latched topic with several publishers; hidden as well."""
 
 
 class Sender(Message, frozen=True, kw_only=True):
-    """The node that sent the message which follows; ``node`` is derived from its name.
+    """The sender of the message that follows; ``node`` is derived from its name.
 
     The first node on a topic is not recorded.
     """
@@ -78,7 +78,7 @@ class Channel:
 
     @property
     def stored(self) -> Channel:
-        """The channel as the file declares it: MessagePack payloads are wrapped in a ``Raw``."""
+        """The channel as declared in the file: MessagePack payloads are wrapped in a ``Raw``."""
         return channel_of(self.topic, Raw, self.quality) if self.encoding == RAW else self
 
     @property
@@ -89,17 +89,17 @@ class Channel:
 
 
 def channel_of(topic: str, record: type[Message], quality: Quality) -> Channel:
-    """The channel for a record."""
+    """Return the channel for a record."""
     return Channel(topic, record.ROS_TYPE, CDR, text_of(record.ROS_TYPE, definitions(record)), "ros2msg", quality)
 
 
 def raw_channel(topic: str, type_name: str, quality: Quality) -> Channel:
-    """The channel for messages of a type that Elea does not know; their payloads are stored unchanged."""
+    """Return the channel for messages of a type that Elea does not know; their payloads are stored unchanged."""
     return Channel(topic, type_name, RAW, "", "", quality)
 
 
 def qos_text(quality: Quality) -> str:
-    """ROS 2's quality of service as rosbag2 writes it: ``transient_local`` for latched topics.
+    """Return the ROS 2 quality of service as written by rosbag2: ``transient_local`` for latched topics.
 
     All topics are ``reliable``, so that every subscriber matches on playback.
     """
@@ -112,7 +112,7 @@ def qos_text(quality: Quality) -> str:
 
 
 def quality_of(metadata: dict[str, str]) -> Quality:
-    """The quality of a channel's topic; derived from its ROS 2 quality of service in bags of other programs."""
+    """Return the quality of a channel's topic; in bags of other programs, derived from its ROS 2 quality of service."""
     name = metadata.get("elea_quality", "")
     if name in Quality.__members__:
         return Quality[name]
@@ -123,6 +123,6 @@ def quality_of(metadata: dict[str, str]) -> Quality:
 
 
 def _has_policy(offered: str, key: str, name: str, number: str) -> bool:
-    """Whether a profile has a policy; rosbag2 writes names since version 9, and numbers before."""
+    """Return whether a profile has a policy; rosbag2 writes names since version 9, and numbers before."""
     lines = [line.strip(" -") for line in offered.splitlines()]
     return f"{key}: {name}" in lines or f"{key}: {number}" in lines

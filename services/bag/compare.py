@@ -23,7 +23,7 @@ WALL_CLOCK_TOPICS = frozenset(each.name for each in (HEALTH, ROSOUT, FLEET_STATE
 WALL_CLOCK_FIELDS = frozenset({"since"})
 """The last names of fields that hold a time of the wall clock: ``since`` of an emergency stop."""
 PLACE_PARAMETERS = frozenset({"output", "file", "address", "stops_file", "listen"})
-"""Parameters that say where a run writes and listens."""
+"""Parameters with the paths and addresses at which a run writes and listens."""
 
 
 class MessageDifference(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,15 +73,15 @@ class _Pair(NamedTuple):
 def compare_bags(left: Bag, right: Bag, end: int | None = None) -> BagComparison:
     """Compare two bags topic by topic, in the order of recording.
 
-    Everything that depends on the wall clock or the folder is left out: WALL_CLOCK_TOPICS, WALL_CLOCK_FIELDS,
-    PLACE_PARAMETERS, receive times and sequence numbers. So are the revisions of parameters, which a fleet
-    goes on counting from run to run.
+    Everything that depends on the wall clock or the folder is ignored: WALL_CLOCK_TOPICS, WALL_CLOCK_FIELDS,
+    PLACE_PARAMETERS, receive times and sequence numbers. So are the revisions of parameters, which continue from run
+    to run.
 
     Args:
         left: One bag.
         right: The other.
-        end: Compare messages before this time [ns] from the start. By default up to where the shorter bag's ``/clock``
-            ends, and everything if a bag has none.
+        end: Compare messages before this time [ns] from the start. By default up to the end of the shorter bag's
+            ``/clock``, and everything if a bag has none.
 
     Returns:
         The number of messages compared, and the first difference.
@@ -120,7 +120,7 @@ def compare_bags(left: Bag, right: Bag, end: int | None = None) -> BagComparison
 
 
 def _located(bag: Bag, side: int, end: int | None) -> Iterator[_Located]:
-    """The entries to compare, with their positions, which never fall."""
+    """Yield the entries to compare, with their positions, which never decrease."""
     timeline = Timeline()
     for entry in bag.entries():
         position = timeline.locate(entry.publish_time).position
@@ -131,7 +131,7 @@ def _located(bag: Bag, side: int, end: int | None) -> Iterator[_Located]:
 
 
 def _clock_end(bag: Bag) -> int | None:
-    """The position [ns] of the last message on ``/clock``; None without one."""
+    """Return the position [ns] of the last message on ``/clock``; None without one."""
     timeline, last = Timeline(), None
     for entry in bag.entries():
         position = timeline.locate(entry.publish_time).position
@@ -141,12 +141,12 @@ def _clock_end(bag: Bag) -> int | None:
 
 
 def _base_topic(channel: Channel) -> str:
-    """The topic that a channel belongs to: its own, or the one whose sidecar it is."""
+    """Return the topic that a channel belongs to: its own, or the one whose sidecar it is."""
     return channel.name.removesuffix(SIDECAR).removesuffix(SENDER_SIDECAR)
 
 
 def _difference(topic: str, number: int, first: _Located, second: _Located) -> _Pair | None:
-    """The difference between two messages of a topic with the same number, or None."""
+    """Return the difference between two messages of a topic with the same number, or None."""
     if first.position != second.position:
         return _lone(topic, number, min(first, second, key=lambda each: each.position))
     left, right = (first.entry, second.entry) if first.side == 0 else (second.entry, first.entry)
@@ -155,7 +155,7 @@ def _difference(topic: str, number: int, first: _Located, second: _Located) -> _
 
 
 def _lone(topic: str, number: int, only: _Located) -> _Pair:
-    """A message that the other bag lacks."""
+    """Return the difference for a message that the other bag lacks."""
     values = _values(only.entry)
     if only.side == 0:
         return _Pair(only.position, topic, number, (only.entry, None), ("", values, None))
@@ -163,7 +163,7 @@ def _lone(topic: str, number: int, only: _Located) -> _Pair:
 
 
 def _first_field(left: Entry, right: Entry) -> tuple[str, Any, Any] | None:
-    """The first field that differs, and its values; None when they differ in what the wall clock decides alone."""
+    """Return the first field that differs, and its values; None if only fields of the wall clock differ."""
     if left.publish_time != right.publish_time:
         return "publish_time", left.publish_time / 1e9, right.publish_time / 1e9
     if left.channel.type != right.channel.type:
@@ -183,7 +183,7 @@ def _same(left: Any, right: Any) -> bool:
 
 
 def _values(entry: Entry) -> Any:
-    """A message as plain values; what cannot be decoded as the hexadecimal digits of its bytes."""
+    """Return a message as plain values; one that cannot be decoded as the hexadecimal digits of its bytes."""
     try:
         found = plain(entry.data) if entry.channel.encoding == RAW else plain_decoder(entry.channel)(entry.data)
     except WrongPayload:
@@ -195,7 +195,7 @@ def _values(entry: Entry) -> Any:
 
 
 def _keep_first(found: list[_Pair]) -> list[_Pair]:
-    """The differences at the earliest position, in the order of their topics."""
+    """Return the differences at the earliest position, in the order of their topics."""
     first = min((each.position for each in found), default=0)
     return sorted((each for each in found if each.position == first), key=lambda each: each.topic)
 

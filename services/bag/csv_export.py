@@ -16,7 +16,7 @@ from services.runtime.errors import BadInput
 from services.runtime.field_path import leaves
 
 MAX_LIST_COLUMNS = 1024
-"""Maximum columns for one list; of longer ones, images for instance, only the length is written."""
+"""Maximum columns for one list; of longer ones, such as images, only the length is written."""
 MAX_COLUMNS = 16_384
 """Maximum columns of a table, as in spreadsheets; further ones are left out and reported."""
 
@@ -40,7 +40,7 @@ class _Table:
         self._read: Callable[[bytes], Any] = plain_decoder(channel)
 
     def row(self, data: bytes) -> dict[str, Any] | None:
-        """The values by column; None for data that is not of the topic's type."""
+        """Return the values by column; None for data that is not of the topic's type."""
         try:
             found = dict(islice(flatten(self._read(data)), MAX_COLUMNS + 1))
         except WrongPayload:
@@ -59,10 +59,10 @@ class _Table:
 
 
 def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[ExportResult]:
-    """Write ``folder``/TOPIC.csv for every topic that is ``wanted``; raises BadInput when it cannot be written.
+    """Write ``folder``/TOPIC.csv for every topic that is ``wanted``; raises BadInput if it cannot be written.
 
-    The columns ``time`` and ``log_time`` [s] are simulated and wall time; field names are joined by dots. The bag is
-    read twice, since lists may grow and so the columns are only known at its end.
+    The columns ``time`` and ``log_time`` [s] are simulation and wall time; field names are joined by dots. The bag is
+    read twice, since lists may grow, so the columns are only known at its end.
     """
     sheets, refused = _read_tables(bag, wanted)
     try:
@@ -80,7 +80,7 @@ def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[Ex
 
 
 def _read_tables(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _Table], dict[Channel, ExportResult]]:
-    """The topics with their columns, and those that cannot be exported."""
+    """Read the bag and return the topics with their columns, and those that cannot be exported."""
     sheets: dict[Channel, _Table] = {}
     refused: dict[Channel, ExportResult] = {}
     for entry in bag.entries():
@@ -114,7 +114,7 @@ def _write(bag: Bag, files: dict[Channel, Path], sheets: dict[Channel, _Table]) 
 
 
 def _file_names(channels: Iterable[Channel]) -> dict[Channel, str]:
-    """A file name for each channel, from its topic; numbered where several would be equal."""
+    """Return a file name for each channel, from its topic, numbered if several would be equal."""
     names: dict[Channel, str] = {}
     for channel in channels:
         stem = channel.topic.strip("/").replace("/", "__")
@@ -124,5 +124,5 @@ def _file_names(channels: Iterable[Channel]) -> dict[Channel, str]:
 
 
 def flatten(value: Any) -> Iterator[tuple[str, Any]]:
-    """The leaves of a message with their paths; of a list too long for columns, its length alone."""
+    """Yield the leaves of a message with their paths; for a list too long for columns, only its length."""
     return leaves(value, max_elements=MAX_LIST_COLUMNS, lengths=True)

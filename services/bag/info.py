@@ -55,7 +55,7 @@ class _TimeSpan:
         self._segments: dict[int, tuple[int, int]] = {}
 
     def add(self, segment: int, time: int) -> None:
-        """One more message."""
+        """Add a message at ``time`` [ns]."""
         first, last = self._segments.get(segment, (time, time))
         self._segments[segment] = min(first, time), max(last, time)
         self.messages += 1
@@ -67,13 +67,13 @@ class _TimeSpan:
 
     @property
     def rate(self) -> float | None:
-        """Messages per second."""
+        """Message rate [Hz]; None if the messages cover no time."""
         intervals = self.messages - len(self._segments)
         return intervals / self.elapsed * 1e9 if self.elapsed else None
 
 
 def bag_info(bag: Bag) -> BagInfo:
-    """Read the whole bag and summarise it; 100,000 messages take about half a second."""
+    """Read and summarise the whole bag; 100,000 messages take about half a second."""
     spans: dict[Channel, _TimeSpan] = {}
     whole, wall, timeline = _TimeSpan(), _TimeSpan(), Timeline()
     start: int | None = None
@@ -121,7 +121,7 @@ def _metadata_int(notes: Mapping[str, str], name: str) -> int:
 
 
 def lost_messages(bag: Bag) -> dict[str, int]:
-    """The messages that did not reach the recorder, by topic."""
+    """Return the number of messages that did not reach the recorder, by topic."""
     return _metadata_counts(bag.metadata, "lost")
 
 

@@ -1,4 +1,4 @@
-"""Reads one MCAP file record by record, torn or damaged files as far as possible, or its summary alone.
+"""Reads one MCAP file record by record (torn or damaged files as far as possible), or only its summary.
 
 Records are parsed by ``mcap``, whole files are not: ``mcap.stream_reader`` ends at the first damaged record, unpacks as
 many bytes as a chunk's data claims, and takes 3.3 us for an Odometry where this takes 1.5.
@@ -65,7 +65,7 @@ DECODE_ERRORS = (
 
 
 class SerializedMessage(NamedTuple):
-    """A message as it is in the file; ``channel`` is the number of its channel there."""
+    """A message as stored in the file; ``channel`` is the number of its channel there."""
 
     channel: int
     sequence: int
@@ -89,7 +89,7 @@ class McapScanner:
         self._expected_count: int | None = None
 
     def messages(self) -> Iterator[SerializedMessage]:
-        """Every message in file order; in files that Elea did not write, each chunk is sorted by log time."""
+        """Yield every message in file order; in files not written by Elea, each chunk is sorted by log time."""
         self._stream.seek(len(MAGIC))
         at, ended = len(MAGIC), False
         while True:
@@ -116,7 +116,7 @@ class McapScanner:
         self._report_totals()
 
     def _report_torn(self, at: int, ended: bool) -> None:
-        """Report a file that ends early: within its data, or after they had ``ended``."""
+        """Report a file that ends early: within its data, or after the data had ``ended``."""
         if ended:
             self._report_torn_summary()
             return
@@ -136,7 +136,7 @@ class McapScanner:
         )
 
     def _report_totals(self) -> None:
-        """Report how many more places are damaged, and whether messages are missing."""
+        """Report the number of further damaged places, and whether messages are missing."""
         if self._damaged > MAX_REPORTED_PROBLEMS:
             self.problems.append(f"{self._path}: damaged in {self._damaged - MAX_REPORTED_PROBLEMS} more places")
         if self._expected_count is not None and self._expected_count != self._count:
@@ -151,7 +151,7 @@ class McapScanner:
             self.problems.append(f"{self._path}: damaged at byte {at}: {reason}")
 
     def _record(self, opcode: int, data: bytes, at: int) -> Iterator[SerializedMessage]:
-        """The messages of the record at byte ``at``, if it has any; reports what cannot be read."""
+        """Yield the messages of the record at byte ``at``, if it has any; reports what cannot be read."""
         try:
             match opcode:
                 case Opcode.CHUNK:
@@ -196,7 +196,7 @@ class McapScanner:
             raise ValueError(f"schemas, channels and notes of more than {MAX_TOTAL_TEXT_SIZE} bytes in all")
 
     def _chunk(self, records: bytes, place: int) -> Iterator[SerializedMessage]:
-        """The messages of the chunk at byte ``place``; its schemas and channels are read before all of them."""
+        """Yield the messages of the chunk at byte ``place``; its schemas and channels are read before all of them."""
         starts, times = array("Q"), array("Q")
         at = 0
         while at < len(records):
@@ -238,7 +238,7 @@ class McapScanner:
 
 
 def channel_from(record: ChannelRecord, schema: Schema | None) -> Channel:
-    """The channel that a channel record and its schema describe."""
+    """Return the channel described by a channel record and its schema."""
     if (kept := record.metadata.get("elea_type")) is not None:
         return raw_channel(record.topic, kept, quality_of(record.metadata))
     return Channel(
@@ -252,7 +252,7 @@ def channel_from(record: ChannelRecord, schema: Schema | None) -> Channel:
 
 
 def _decompress(chunk: Chunk) -> bytes:
-    """The records of a chunk; never unpacks more bytes than the chunk states. Raises ValueError."""
+    """Return the records of a chunk; unpacks at most one byte more than the chunk states. Raises ValueError."""
     size = chunk.uncompressed_size
     if size > MAX_RECORD_SIZE:
         raise ValueError(f"a chunk of {size} bytes, the limit is {MAX_RECORD_SIZE}")
@@ -277,7 +277,7 @@ def _decompress(chunk: Chunk) -> bytes:
 
 
 def read_stats(file: Path) -> FileStats | None:
-    """The file's entry for metadata.yaml; None for a torn file, which ROS 2's tools do not open."""
+    """Return the file's entry for metadata.yaml; None for a torn file, which ROS 2's tools do not open."""
     try:
         with file.open("rb") as stream:
             summary = SeekingReader(stream, record_size_limit=MAX_RECORD_SIZE).get_summary()

@@ -19,7 +19,7 @@ _KEYS = (
     "topics_with_message_count",
 )
 _LATER_KEYS = {"compression_format": 3, "compression_mode": 3, "files": 5, "custom_data": 6, "ros_distro": 8}
-"""What rosbag2 reads in every metadata.yaml, and what it reads from a version on."""
+"""The keys that rosbag2 requires in every metadata.yaml (``_KEYS``), and those that it requires from a version on."""
 MAX_METADATA_SIZE = 1 << 22
 """Maximum bytes of a metadata.yaml; a topic takes about 500, and 0.3 ms to read."""
 
@@ -36,7 +36,7 @@ class FileStats(NamedTuple):
 
 
 def metadata_text(files: Sequence[FileStats]) -> str:
-    """The text of metadata.yaml for these files, in this order."""
+    """Return the text of metadata.yaml for these files, in this order."""
     counts: dict[Channel, int] = {}
     for file in files:
         for channel, count in file.topics.items():
@@ -69,14 +69,14 @@ def metadata_text(files: Sequence[FileStats]) -> str:
 
 
 class FileList(NamedTuple):
-    """The files that metadata.yaml names, in order; None if it is missing or damaged, as ``problem`` says."""
+    """The files listed in metadata.yaml, in order; None if it is missing or damaged; ``problem`` describes damage."""
 
     names: list[str] | None = None
     problem: str = ""
 
 
 def read_file_list(folder: Path) -> FileList:
-    """Read which files the metadata.yaml of a folder names."""
+    """Read the list of files from the metadata.yaml of a folder."""
     file = folder / METADATA_FILE
     if not file.exists():
         return FileList()
@@ -96,12 +96,12 @@ def read_file_list(folder: Path) -> FileList:
         return FileList(None, f"{file} is cut or damaged: it does not say which files the bag has")
     if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
         return FileList(None, f"{file} is damaged: relative_file_paths is not a list of names")
-    # rosbag2 wrote them with the folder's own name before version 4 of the file.
+    # Before version 4 of the file, rosbag2 wrote them with the folder's own name.
     return FileList([each.removeprefix(f"{folder.resolve().name}/") for each in names], _cut(file, found))
 
 
 def _cut(file: Path, found: Mapping[str, Any]) -> str:
-    """What shows that the end of the file is missing; empty when nothing does."""
+    """Return the evidence that the end of the file is missing; empty if there is none."""
     version = found.get("version")
     later = [key for key, since in _LATER_KEYS.items() if isinstance(version, int) and version >= since]
     absent = [key for key in (*_KEYS, *later) if key not in found]

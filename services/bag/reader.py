@@ -1,4 +1,4 @@
-"""Reads bags of Elea and of other programs: messages in order, their timeline in simulated time, their records."""
+"""Reads bags of Elea and of other programs: messages in order, their timeline in simulation time, their records."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from services.bag.writer import file_number
 from services.runtime.errors import BadInput
 
 JUMP_NS = 1_000_000_000
-"""A larger step back in time begins a new segment; a smaller one is a late message."""
+"""A larger step back in time [ns] begins a new segment; a smaller one is a late message."""
 GAP_NS = 24 * 3600 * 1_000_000_000
-"""A larger step forward begins a new segment too: after a message without a time, or at a damaged time."""
+"""A larger step forward [ns] begins a new segment too: after a message without a time, or at a damaged time."""
 
 
 class BagTime(NamedTuple):
-    """``position`` [ns] from the start of the bag; simulated ``time`` [ns]; ``segment`` counts the resets before."""
+    """``position`` [ns] from the start of the bag; simulation ``time`` [ns]; ``segment`` counts the resets before."""
 
     position: int
     segment: int
@@ -46,7 +46,7 @@ class Timeline:
         self._epoch: int | None = None
 
     def locate(self, time: int, epoch: int | None = None) -> BagTime:
-        """The bag time of a message at simulated ``time`` [ns]; only messages of the clock have an ``epoch``."""
+        """Return the bag time of a message at simulation ``time`` [ns]; only clock messages have an ``epoch``."""
         if self._last is None:
             self._last = time
         if not self._last - JUMP_NS <= time <= self._last + GAP_NS:
@@ -66,7 +66,7 @@ class Timeline:
 
 
 class Entry(NamedTuple):
-    """One recorded message; times in ns. In bags that Elea wrote, ``publish_time`` is simulated time."""
+    """One recorded message; times in ns. In bags written by Elea, ``publish_time`` is simulation time."""
 
     channel: Channel
     sequence: int
@@ -79,8 +79,8 @@ class Entry(NamedTuple):
 class Bag:
     """The files of a bag, in order.
 
-    ``problems`` lists what could not be read so far, ``known_problems`` what metadata.yaml shows to be missing.
-    ``from_elea`` is true while Elea's recorder wrote everything read so far.
+    ``problems`` lists what could not be read so far, ``known_problems`` what is missing according to metadata.yaml.
+    ``from_elea`` is true as long as everything read so far was written by Elea's recorder.
     """
 
     path: Path
@@ -96,13 +96,13 @@ class Bag:
         return sum(each.stat().st_size for each in self.files)
 
     def entries(self) -> Iterator[Entry]:
-        """Every message in the order of recording; raises BadInput when a file cannot be opened."""
+        """Yield every message in the order of recording; raises BadInput if a file cannot be opened."""
         self.problems, self.metadata, self.from_elea = [*self.known_problems], {}, True
         for file in self.files:
             yield from self._read_file(file)
 
     def channels(self) -> list[Channel]:
-        """Every topic that has a message, sorted by name."""
+        """Return every topic that has a message, sorted by name."""
         return sorted({entry.channel for entry in self.entries()}, key=lambda channel: channel.topic)
 
     def _read_file(self, file: Path) -> Iterator[Entry]:
@@ -120,7 +120,7 @@ class Bag:
 
 
 def open_bag(path: Path) -> Bag:
-    """Open the bag at ``path``, an MCAP file or a folder of them; raises BadInput that says what it is instead."""
+    """Open the bag at ``path``, an MCAP file or a folder of them; raises BadInput if it is something else."""
     if path.is_dir():
         return Bag(path, *_list_files(path))
     if not path.exists():
@@ -132,7 +132,7 @@ def open_bag(path: Path) -> Bag:
 
 
 def _list_files(folder: Path) -> tuple[list[Path], tuple[str, ...]]:
-    """The files of a bag in order, and the problems that its metadata.yaml shows."""
+    """Return the files of a bag in order, and the problems shown by its metadata.yaml; raises BadInput."""
     present = sorted(
         (each for each in folder.glob("*.mcap") if each.is_file()), key=lambda file: (file_number(file), file.name)
     )
@@ -161,7 +161,7 @@ def _list_files(folder: Path) -> tuple[list[Path], tuple[str, ...]]:
 
 
 def _unpacked(named: Path, present: list[Path]) -> Path:
-    """The file that ``named`` was unpacked to, if it is there."""
+    """Return the uncompressed file of ``named`` if it is present, else ``named``."""
     return named.with_suffix("") if named.suffix == ".zstd" and named.with_suffix("") in present else named
 
 
@@ -187,7 +187,7 @@ Decoder = Callable[[bytes], Any]
 
 
 def record_type(channel: Channel) -> type[Message] | None:
-    """The record for the messages of a channel, made of its own schema where Elea has none; None without either."""
+    """Return the record of a channel's messages, created from its schema if Elea has none; None without either."""
     known = _RECORDS_BY_ROS_TYPE.get(channel.type) or RECORDS.get(channel.type)
     if known is not None or channel.encoding != CDR:
         return known
@@ -198,13 +198,13 @@ def record_type(channel: Channel) -> type[Message] | None:
 
 
 def is_sidecar(channel: Channel) -> bool:
-    """Whether a channel holds additions to the messages of another one."""
+    """Return whether a channel contains additions to the messages of another one."""
     ending = SENDER_SIDECAR if channel.type == Sender.ROS_TYPE else SIDECAR
     return channel.topic.endswith(ending) and channel.type in _SIDECAR_RECORDS
 
 
 def unplayable_reason(channel: Channel) -> str:
-    """Why a channel cannot be played; empty when it can."""
+    """Return why a channel cannot be played; empty if it can."""
     try:
         validate(channel.name)
     except BadName as error:
@@ -213,7 +213,7 @@ def unplayable_reason(channel: Channel) -> str:
 
 
 def unreadable_reason(channel: Channel) -> str:
-    """Why the messages of a channel cannot be decoded; empty when they can."""
+    """Return why the messages of a channel cannot be decoded; empty if they can."""
     if channel.encoding == RAW and channel.type:
         return ""
     if channel.encoding != CDR:
@@ -228,7 +228,7 @@ def unreadable_reason(channel: Channel) -> str:
 
 
 class MessageDecoder:
-    """Decodes entries in order, and merges what a sidecar channel holds into the message that follows."""
+    """Decodes entries in order, and merges the content of a sidecar channel into the message that follows."""
 
     def __init__(self) -> None:
         self._decoders: dict[Channel, Decoder] = {}
@@ -236,7 +236,7 @@ class MessageDecoder:
         self._senders: dict[str, tuple[int, int, bytes]] = {}
 
     def decode(self, entry: Entry) -> Message | None:
-        """The record of an entry; None for one that belongs to the message that follows. Raises WrongPayload.
+        """Decode an entry; returns None for one that belongs to the message that follows. Raises WrongPayload.
 
         ``unreadable_reason`` of its channel must be empty.
         """
@@ -256,13 +256,13 @@ class MessageDecoder:
         return join(found, extra[2] if extra is not None and belongs else None)
 
     def sender(self, entry: Entry) -> bytes:
-        """Which of several nodes on a latched topic sent this message; empty for the first one."""
+        """Return which of several nodes on a latched topic sent this message; empty for the first one."""
         noted = self._senders.pop(entry.channel.topic, None)
         return noted[2] if noted is not None and noted[:2] == (entry.sequence, entry.log_time) else b""
 
 
 def plain_decoder(channel: Channel) -> Decoder:
-    """A function from the data of a channel of any type to plain values; raises WrongPayload."""
+    """Return a decoder of a channel of any type into plain values; raises WrongPayload, as does the decoder."""
     if channel.encoding != CDR or channel.schema_encoding != "ros2msg":
         raise WrongPayload(f"{channel.topic}: only CDR with a ros2msg schema can be read, not {channel.encoding}")
     try:
@@ -278,7 +278,7 @@ def _record_decoder(channel: Channel) -> Decoder:
 
 
 def _definitions(channel: Channel) -> Definitions:
-    """The definitions in the file itself, which may be of another version of ROS or Elea."""
+    """Return the definitions in the file itself, which may be of another version of ROS or Elea."""
     if channel.schema_encoding != "ros2msg":
         raise BadDefinition(f"it is written as {channel.schema_encoding or 'nothing'}, not as ros2msg")
     return _parsed(channel.type, channel.schema)

@@ -16,14 +16,14 @@ from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput
 
 MIN_FILE_SIZE = 1 << 16
-"""Bytes; no file is split below this."""
+"""Minimum bytes of a file before it is split."""
 _MIN_CHUNKS_PER_FILE = 8
 """Minimum ratio of a file's maximum size to the size of its chunks."""
 
 
 @dataclass
 class TimeSpan:
-    """The first and last of a topic's simulated times [ns]."""
+    """The first and last simulation time [ns] of a topic."""
 
     first: int = 0
     last: int = 0
@@ -32,8 +32,8 @@ class TimeSpan:
 class BagWriter:
     """Writes ``folder`` with files ``NAME_0.mcap``, ``NAME_1.mcap``, …; ``with`` opens and closes it.
 
-    When the disk refuses messages, ``write`` and ``flush`` raise OSError and ``unwritten`` counts them; the bag can be
-    used further.
+    If messages cannot be written to the disk, ``write`` and ``flush`` raise OSError and ``unwritten`` counts them; the
+    bag remains usable.
 
     Args:
         folder: must not exist, unless ``resume`` is set.
@@ -55,7 +55,7 @@ class BagWriter:
         self._file_start: int | None = None
 
     def __enter__(self) -> Self:
-        """Raises BadInput when the folder exists or cannot be created."""
+        """Create the folder and the first file; raises BadInput if the folder exists or cannot be created."""
         try:
             self.folder.mkdir(parents=True, exist_ok=self._resume)
             there = sorted(self.folder.glob("*.mcap"), key=lambda file: (file_number(file), file.name))
@@ -75,7 +75,7 @@ class BagWriter:
 
     @property
     def unwritten(self) -> int:
-        """Messages that the disk refused."""
+        """Number of messages that could not be written to the disk."""
         return self._dropped + (self._file.unwritten if self._file is not None else 0)
 
     @property
@@ -94,7 +94,7 @@ class BagWriter:
         return sum(each.messages for each in self._file_stats())
 
     def write(self, channel: Channel, sequence: int, log_time: int, publish_time: int, data: bytes) -> None:
-        """Add a message; times in ns. Raises OSError, after which the bag can be used further."""
+        """Add a message; times in ns. Raises OSError, after which the bag remains usable."""
         file = self._file
         if file is None:
             try:
@@ -118,7 +118,7 @@ class BagWriter:
             self._close_file()
 
     def flush_due(self) -> None:
-        """Write pending messages if it is time to; raises OSError."""
+        """Write pending messages if they are due; raises OSError."""
         if self._file is not None and self._file.due:
             self.flush()
 
@@ -161,12 +161,12 @@ class BagWriter:
         return [*self._closed_files, file.stats]
 
     def _write_metadata(self) -> None:
-        """Write metadata.yaml, whole or not at all; raises OSError."""
+        """Write metadata.yaml atomically; raises OSError."""
         text = metadata_text([*self._resumed_files, *self._closed_files])
         write_atomic(self.folder / METADATA_FILE, text.encode())
 
 
 def file_number(file: Path) -> int:
-    """The number that ends a file's name; -1 without one."""
+    """Return the number at the end of a file's name; -1 without one."""
     tail = file.stem.rpartition("_")[2]
     return int(tail) if tail.isascii() and tail.isdigit() else -1

@@ -1,4 +1,4 @@
-"""The panel service: a web page on the loopback to watch, drive, tune and stop a fleet."""
+"""The panel service: a web page on the loopback interface to watch, drive, tune and stop a fleet."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from services.runtime import Parameters, Service, param
 
 
 class PanelParameters(Parameters):
-    """Where the page is, and what those who look at it may do."""
+    """Parameters of the panel: the page's address, and the limits on its users."""
 
     port: int = param(
         8600, 0, 65535, "", "Port on 127.0.0.1; the next free one if it is taken, any free one if 0.", live=False

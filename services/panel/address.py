@@ -1,4 +1,4 @@
-"""The file that says where the page is, for ``./elea panel``: readable by its owner alone, since it holds the token."""
+"""The file with the page's address, for ``./elea panel``: readable only by its owner, since it contains the token."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from messages.base import DECODE_ERRORS
 from services.runtime.atomic_file import write_atomic
 
 ADDRESS_FILE = "panel.json"
-"""Its name in the folder of a run."""
+"""The file's name in the folder of a run."""
 
 
 class Address(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the page is, and what opens it."""
+    """The port of the page, its token, and the process id of the panel."""
 
     port: int
     token: str
@@ -23,17 +23,17 @@ class Address(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def url(self) -> str:
-        """The address to open, token and all."""
+        """The URL of the page, including the token."""
         return f"http://127.0.0.1:{self.port}/?token={self.token}"
 
 
 def write_address(path: Path, address: Address) -> None:
-    """Put the file there, whole or not at all; raises OSError."""
+    """Write the file atomically; raises OSError."""
     write_atomic(path, msgspec.json.encode(address), mode=0o600)
 
 
 def read_address(path: Path) -> Address | None:
-    """The address in a file, None when there is none."""
+    """Read the address from a file; None if it is missing or invalid."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Address)
     except (OSError, *DECODE_ERRORS):
@@ -41,9 +41,9 @@ def read_address(path: Path) -> Address | None:
 
 
 def token_for(path: Path | None, port: int) -> str:
-    """The token of an earlier life of this panel, so that its pages still count after a restart; else a new one.
+    """Return the token of this panel before a restart, so that its open pages stay valid; else a new one.
 
-    On another port it is a new one: who has taken the old port is shown the cookies of the pages that return there.
+    On another port it is a new one: a program that has taken the old port receives the cookies of pages that reconnect.
     """
     earlier = read_address(path) if path is not None else None
     kept = earlier is not None and earlier.port == port and len(earlier.token) >= 32
@@ -51,7 +51,7 @@ def token_for(path: Path | None, port: int) -> str:
 
 
 def one_time_url(address: Address, within: float = 5.0) -> str:
-    """An address that lets one browser in, once: it holds no token. Raises OSError when the page does not answer."""
+    """Request a URL that admits one browser once, without the token. Raises OSError if the page does not answer."""
     from http.client import HTTPConnection, HTTPException
 
     link = HTTPConnection("127.0.0.1", address.port, timeout=within)

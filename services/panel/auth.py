@@ -28,11 +28,11 @@ HEADERS = {
 }
 
 TICKET_S = 60.0
-"""Wall time in which a browser that was started must have asked for its page."""
+"""Wall time [s] within which a started browser must request its page."""
 
 
 class Authenticator:
-    """What must be shown to come in. A browser sends cookies of all ports of a host: the port is in the name."""
+    """Checks tokens, tickets and cookies. The cookie's name has the port: browsers share cookies of a host's ports."""
 
     def __init__(self, token: str, port: int) -> None:
         self.token = token
@@ -41,22 +41,22 @@ class Authenticator:
         self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
 
     def is_valid(self, token: str) -> bool:
-        """Whether this is the token, in constant time."""
+        """Return whether this is the token; compares in constant time."""
         return secrets.compare_digest(token.encode(), self.token.encode())
 
     def query_is_valid(self, scope: Scope) -> bool:
-        """Whether the address holds the token."""
+        """Return whether the URL contains the token."""
         query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
         return self.is_valid(query.get("token", [""])[-1])
 
     def issue_ticket(self) -> str:
-        """Words that let one browser in, once and within TICKET_S; its command line may show them to other users."""
+        """Return a ticket that admits one browser, once and within TICKET_S: other users may see its command line."""
         made = secrets.token_urlsafe(24)
         self._tickets = {**self._valid_tickets(), made: time.monotonic() + TICKET_S}
         return made
 
     def redeem_ticket(self, ticket: str) -> bool:
-        """Whether this is such a ticket, which now counts no more."""
+        """Return whether a ticket is valid, and invalidate it."""
         self._tickets = self._valid_tickets()
         return self._tickets.pop(ticket, None) is not None
 
@@ -65,7 +65,7 @@ class Authenticator:
         return {ticket: until for ticket, until in self._tickets.items() if until > now}
 
     def cookie_is_valid(self, headers: Headers) -> bool:
-        """Whether the cookie does."""
+        """Return whether the cookie contains the token."""
         try:
             morsel = SimpleCookie(headers.get("cookie", "")).get(self.cookie)
         except CookieError:
@@ -73,12 +73,12 @@ class Authenticator:
         return morsel is not None and self.is_valid(morsel.value)
 
     def is_same_origin(self, headers: Headers) -> bool:
-        """Whether a page of this server asks: its Origin is the host that it was sent to."""
+        """Return whether a request comes from a page of this server, by its Origin."""
         return headers.get("origin", "") in {f"http://{host}" for host in self.hosts}
 
 
 class AuthMiddleware:
-    """Refuses foreign hosts, and sockets of foreign pages or without the token; puts the headers on every answer."""
+    """Refuses foreign hosts, pages of other origins, and sockets without the token; adds HEADERS to every response."""
 
     def __init__(self, app: ASGIApp, auth: Authenticator) -> None:
         self._app, self._gate = app, auth
@@ -102,7 +102,7 @@ class AuthMiddleware:
             await self._app(scope, receive, dressed)
 
     def _reject_reason(self, scope: Scope) -> str:
-        """Why it may not come in; empty when it may."""
+        """Return why a request is refused; empty if it is accepted."""
         headers = Headers(scope=scope)
         if headers.get("host", "") not in self._gate.hosts:
             return "this host name is not accepted: open the page as 127.0.0.1"
@@ -117,34 +117,34 @@ class AuthMiddleware:
 
 
 AUTH_TIMEOUT_S = 5.0
-"""Wall time in which a connection must have sent a request that shows the token."""
+"""Wall time [s] within which a connection must send a request with the token."""
 MAX_UNAUTHENTICATED = 32
-"""Connections that have not; one more takes the place of the oldest. A browser opens six."""
+"""Maximum connections without the token; a further one replaces the oldest. A browser opens six."""
 
 
 class UnauthenticatedConnections:
-    """Closes those that wait too long or are too many. All in the thread of the web server."""
+    """Closes connections without the token that wait too long or are too many. Used in the web server's thread."""
 
     def __init__(self, auth: Authenticator) -> None:
         self._gate = auth
         self._waiting: dict[asyncio.Transport, asyncio.TimerHandle] = {}
 
     def add(self, transport: asyncio.Transport) -> None:
-        """Somebody has connected."""
+        """Add a new connection."""
         if len(self._waiting) >= MAX_UNAUTHENTICATED:
             self._abort(next(iter(self._waiting)))
         timer = asyncio.get_running_loop().call_later(AUTH_TIMEOUT_S, self._abort, transport)
         self._waiting[transport] = timer
 
     def on_data(self, transport: asyncio.Transport, protocol: H11Protocol) -> None:
-        """Let in whose last request shows the token."""
+        """Stop watching a connection whose last request has the token."""
         if transport not in self._waiting or protocol.scope is None:
             return
         if self._gate.cookie_is_valid(Headers(raw=protocol.headers)) or self._gate.query_is_valid(dict(protocol.scope)):
             self.remove(transport)
 
     def remove(self, transport: asyncio.Transport) -> None:
-        """It waits no longer."""
+        """Stop watching a connection."""
         if (timer := self._waiting.pop(transport, None)) is not None:
             timer.cancel()
 
@@ -154,7 +154,7 @@ class UnauthenticatedConnections:
 
 
 def guarded_protocol(auth: Authenticator) -> type[H11Protocol]:
-    """uvicorn's HTTP for connections that come through a door of their own."""
+    """Return uvicorn's HTTP protocol with the limits of UnauthenticatedConnections."""
     connections = UnauthenticatedConnections(auth)
 
     class Watched(H11Protocol):

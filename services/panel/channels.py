@@ -23,11 +23,11 @@ from services.panel.robots import RobotState, RobotTracker
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
 
 USAGE_PERIOD_S = 1.0
-"""Wall time between two measurements of what the processes use."""
+"""Wall time [s] between two measurements of the processes' usage."""
 
 
 class FleetChannel:
-    """Tells the newest state; none when there is no supervisor."""
+    """Sends the newest state of the fleet, null without a supervisor, and the usage of its processes."""
 
     period, streams = 0.1, False
 
@@ -71,13 +71,13 @@ class ProcessUsage:
         self._processes: dict[str, psutil.Process] = {}
 
     def measure(self, pids: dict[str, int]) -> bool:
-        """Measure the processes of this machine with these ids; whether anything that is shown has changed."""
+        """Measure the processes with these ids on this machine; returns whether a displayed value has changed."""
         self._processes = {name: process for name, process in self._processes.items() if pids.get(name) == process.pid}
         found = {}
         for name, pid in pids.items():
             try:
                 process = self._processes.get(name)
-                if process is None:  # its first share of the processor spans no time, and is 0
+                if process is None:  # its first processor usage is 0, since it spans no time
                     process = self._processes[name] = psutil.Process(pid)
                 with process.oneshot():
                     found[name] = round(process.cpu_percent(), 1), round(process.memory_info().rss / 2**20)
@@ -88,15 +88,15 @@ class ProcessUsage:
 
 
 FREE_COLOURS = 8
-"""Colours that no robot has, for the lines of a plot that are no robot's."""
+"""Number of colours that no robot has, for plotted lines that belong to no robot."""
 MAX_LINES = 2000
-"""Lines kept."""
+"""Maximum lines kept."""
 MAX_LINE_LENGTH = 4000
-"""Characters of a line that are shown."""
+"""Maximum displayed characters of a line."""
 
 
 class LogChannel:
-    """Reads the log always: it is quiet, and what was said before a page opened is what people look for."""
+    """Sends log lines. It is always subscribed: traffic is low, and users look for lines from before a page opened."""
 
     period, streams = 0.2, True
 
@@ -108,7 +108,7 @@ class LogChannel:
         self._lines: deque[tuple[int, float, int, str, str, str]] = deque(maxlen=MAX_LINES)
 
     def set_enabled(self, wanted: bool) -> None:
-        """It is followed in any case."""
+        """Do nothing: the log is always subscribed to."""
 
     def update(self, now: float) -> None:
         for line, _ in self._subscriptions.messages(*self._topic):
@@ -126,7 +126,7 @@ _DESCRIBED, _UPDATED = (each.name.removeprefix("~") for each in (DESCRIPTIONS, U
 
 
 class ParameterSetsChannel:
-    """Tells all descriptions when any of them changes. A set goes when nobody publishes it any more."""
+    """Sends all descriptions when any of them changes. A set is removed when no node publishes it any longer."""
 
     period, streams = 0.1, False
     topic, record = _DESCRIBED, ParameterSchema.ROS_TYPE
@@ -162,7 +162,7 @@ class ParameterSetsChannel:
 
 
 class ParameterValuesChannel(ParameterSetsChannel):
-    """Tells the values of the sets that have changed."""
+    """Sends the values of the sets that have changed."""
 
     streams = True
     topic, record = _UPDATED, ParameterValues.ROS_TYPE
@@ -173,13 +173,16 @@ class ParameterValuesChannel(ParameterSetsChannel):
 
 
 TURTLE_RADIUS = 0.35
-"""Of a turtle's shell as it is drawn [m]; with head and tail, a turtle of ROS's window is 1 m long."""
+"""Drawn radius of a turtle's shell [m]; with head and tail, a turtle in turtlesim's window is 1 m long."""
 MAX_GOALS = 200
-"""Goals of a plan that are shown."""
+"""Maximum displayed goals of a plan."""
 
 
 class PosesChannel:
-    """Tells the poses with every turn in which one came: ``[x, y, yaw, x, y, yaw, v, w]``, true then estimated."""
+    """Sends the poses whenever a new one has arrived: ``[x, y, yaw, x, y, yaw, v, w]``, true pose, then estimate.
+
+    Units are m, rad, m/s and rad/s, in the world frame.
+    """
 
     period, streams = 0.04, False
 
@@ -188,14 +191,14 @@ class PosesChannel:
 
     @property
     def version(self) -> int:
-        """The motions of the robots."""
+        """The number of new poses of the robots."""
         return self._robots.pose_version
 
     def set_enabled(self, wanted: bool) -> None:
-        """The hub lets the robots be followed."""
+        """Do nothing: the hub enables the robots' topics."""
 
     def update(self, now: float) -> None:
-        """The hub turns the robots."""
+        """Do nothing: the hub updates the robots."""
 
     def delta(self, since: int) -> str | None:
         poses = {}
@@ -207,7 +210,7 @@ class PosesChannel:
 
 
 class RobotsChannel:
-    """Tells what each robot is, obeys, and is about, when any of it changes."""
+    """Sends the summary of each robot (model, command source, stops, goals) when any of it changes."""
 
     period, streams = 0.1, False
 
@@ -216,14 +219,14 @@ class RobotsChannel:
 
     @property
     def version(self) -> int:
-        """The robots' and the stops'."""
+        """The sum of the versions of the robots and the stops."""
         return self._robots.version + self._stops.version
 
     def set_enabled(self, wanted: bool) -> None:
-        """The hub lets the robots be followed."""
+        """Do nothing: the hub enables the robots' topics."""
 
     def update(self, now: float) -> None:
-        """The hub turns the robots."""
+        """Do nothing: the hub updates the robots."""
 
     def delta(self, since: int) -> str | None:
         robots = self._robots
@@ -236,12 +239,12 @@ class RobotsChannel:
 
 @lru_cache(64)
 def _radius(model: str) -> float:
-    """How far a robot reaches, m; 0 for a model that is not of this project."""
+    """Return the radius [m] of a model; 0 if it does not come with this project."""
     return round(read_model(model).radius, 3) if model in MODELS else 0.0
 
 
 def robot_summary(robot: RobotState, stops: EmergencyStopClient) -> dict[str, Any]:
-    """A robot as pages show it; goals lie in the world."""
+    """Return a robot's summary for pages; its goals are in the world frame."""
     base, goal, plan = robot.base, robot.goal, robot.plan
     goals = plan.poses[:MAX_GOALS] if plan is not None else ()
     stopped = stops.is_stopped(robot.namespace)

@@ -1,7 +1,7 @@
 """Simulation time in the panel: the time of a message, and the clock channel of the page.
 
-The sender's system clock stands beside every sample, the simulation's beside every ``/clock``. On one machine, and on
-several with clocks kept together, the first is looked up among the second.
+Each sample carries its sender's system time, and each ``/clock`` also the simulation time. On one machine, or several
+with synchronized clocks, the simulation time of a sample is interpolated between the system times of the clocks.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from services.runtime.clock_map import ClockMap
 from services.runtime.transport.wire import SampleInfo
 
 FACTOR_WINDOW_S = 2.0
-"""Wall time over which the speed is taken."""
+"""Wall time [s] over which the real-time factor is measured."""
 CLOCK_TIMEOUT_S = 1.0
-"""Wall time without a clock after which there is none."""
+"""Wall time [s] without a clock after which it counts as missing."""
 
 
 class ClockChannel:
-    """Tells time, epoch, pause and speed ten times a second."""
+    """Sends time, epoch, pause and real-time factor ten times a second."""
 
     period, streams = 0.1, False
 
@@ -67,7 +67,7 @@ class ClockChannel:
         )
 
     def _factor(self) -> float | None:
-        """Simulated per wall-clock second, lately."""
+        """Return the real-time factor over the last FACTOR_WINDOW_S; None while paused or without a clock."""
         if len(self._seen) < 2 or self._time.paused or self._silent:
             return None
         (wall, sim), (wall_now, sim_now) = self._seen[0], self._seen[-1]
@@ -75,11 +75,11 @@ class ClockChannel:
 
 
 MAX_CLOCKS = 512
-"""Clocks remembered: 10 s at 50 Hz."""
+"""Minimum clock samples kept: 10 s at 50 Hz."""
 
 
 class SimTimeMap:
-    """``epoch`` grows whenever time begins again: a reset, or another simulation."""
+    """Maps samples to simulation time. ``epoch`` is incremented at each reset and by another simulation."""
 
     def __init__(self) -> None:
         self.now = 0
@@ -90,7 +90,7 @@ class SimTimeMap:
         self._map = ClockMap(MAX_CLOCKS)
 
     def add(self, clock: Clock, origin: SampleInfo | None) -> None:
-        """Take a clock."""
+        """Add a clock sample."""
         now = clock.clock.ns
         if self.known and (clock.epoch != self._clock_epoch or now < self.now):
             self.epoch += 1
@@ -100,9 +100,9 @@ class SimTimeMap:
             self._map.add(origin.source_ns, now)
 
     def at(self, origin: SampleInfo | None) -> int:
-        """Simulation time [ns] when a sample was sent; between two clocks by proportion, after the last one the last.
+        """Return the simulation time [ns] at which a sample was sent: interpolated, or that of the last clock.
 
-        A sample without origin was sent just now.
+        A sample without origin counts as sent now.
         """
         time = None if origin is None else self._map.between(origin.source_ns)
         return self.now if time is None else time

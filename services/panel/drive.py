@@ -1,8 +1,8 @@
-"""Driving robots from the page: velocity with a dead-man's switch, and goals.
+"""Driving robots from the page: velocity commands with a dead-man's switch, and goals.
 
-A page says what it wants for as long as a hand is on the stick. When it falls silent, hides, loses its connection or
-hangs, the hand counts as gone after ``silence`` of wall time, whatever the page believes. Zero is then held for
-``give_way`` of simulation time, so that the robot stands, and after that others may drive again.
+A page repeats its command while the joystick is held. If it falls silent, is hidden, loses its connection or hangs, the
+joystick counts as released after ``silence`` of wall time. Zero is then published for ``give_way`` of simulation time,
+so that the robot stops, and after that other nodes may drive again.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 
 COMMAND_RATE = 20.0
-"""Commands per second of wall time while a hand is on the stick."""
+"""Command rate [Hz of wall time] while the joystick is held."""
 
 CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
 """``cmd_vel`` of bases that expect TwistStamped."""
 
 
 class DriveCommand(NamedTuple):
-    """Speed ahead [m/s] and turn rate to the left [rad/s]."""
+    """Forward speed [m/s] and turn rate [rad/s, positive to the left]."""
 
     v: float = 0.0
     w: float = 0.0
@@ -42,7 +42,7 @@ ZERO_COMMAND = DriveCommand()
 
 @dataclass
 class _DriveSession:
-    """Who drives a robot, and what was last wanted, at ``heard`` [s of wall time]."""
+    """The page that drives a robot, and its last command, received at ``last_message`` [s of wall time]."""
 
     page: Page | None
     output: Publisher[Any]
@@ -53,7 +53,7 @@ class _DriveSession:
 
 
 class DriveController:
-    """One seat for each robot that is driven from a page."""
+    """Publishes the commands of pages: one session, and one page, for each driven robot."""
 
     def __init__(self, node: Node, robots: RobotTracker, params: PanelParameters) -> None:
         self.params = params
@@ -63,11 +63,11 @@ class DriveController:
 
     @property
     def busy(self) -> bool:
-        """Whether any robot is driven, or still told to stand."""
+        """Whether any robot is driven, or still receives zero commands."""
         return bool(self._sessions)
 
     def drive(self, page: Page, message: Drive, now: float) -> None:
-        """A hand is on the stick; raises BadInput when it may not be."""
+        """Set a page's command at wall time ``now`` [s]; raises BadInput if it may not drive the robot so."""
         p = self.params
         robot = self._robots.by_namespace.get(message.robot)
         if robot is None:
@@ -87,13 +87,13 @@ class DriveController:
         session.page, session.command, session.last_message = page, DriveCommand(message.v, message.w), now
 
     def release(self, page: Page) -> None:
-        """The hand is off the stick, or the page is gone."""
+        """Release the robots that a page drives."""
         for session in self._sessions.values():
             if session.page is page:
                 session.page = None
 
     def update(self, now: float, sim_ns: int, epoch: int) -> None:
-        """Send what is due; ``now`` is wall time [s]."""
+        """Publish the commands that are due at wall time ``now`` [s] and simulation time ``sim_ns`` [ns]."""
         self._sim_ns = sim_ns
         if epoch != self._epoch:
             self._epoch = epoch
@@ -113,7 +113,7 @@ class DriveController:
                 self._close_session(name)
 
     def close(self) -> None:
-        """Stop the robots that the panel drives, as it ends."""
+        """Publish zero to the driven robots when the panel ends."""
         for session in self._sessions.values():
             self._publish(session, ZERO_COMMAND, self._sim_ns)
 
@@ -161,6 +161,6 @@ class GoalPublisher:
         return f"{goal.robot} is sent to ({goal.x:.2f} m, {goal.y:.2f} m)"
 
     def close_unused(self) -> None:
-        """Robots that have left take no goals."""
+        """Close the publishers of robots that no longer exist."""
         for robot in [each for each in self._publishers if each not in self._robots.by_namespace]:
             self._node.unregister(self._publishers.pop(robot))

@@ -1,4 +1,4 @@
-"""The emergency stop: for one robot or for all, kept until it is reset, and who else holds one."""
+"""Emergency stops of one robot or all, kept until they are reset, and the other nodes that hold stops."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from services.runtime.publisher import Publisher
 from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo, node_id
 
 ALL_ROBOTS = ""
-"""Stands for all robots: ``/e_stop``, which every base follows, those too that are spawned later. A robot in the root
-namespace has no other one: its stop is that of all."""
+"""Stands for all robots: ``/e_stop``, which every base obeys, including those spawned later. It is also the only stop
+of a robot in the root namespace."""
 
 _ROOT = "/"
 
 
 class EmergencyStopClient:
-    """Publishes this panel's stops, and follows on ``/sim/stops`` who holds which.
+    """Publishes this panel's stops, and reads the holders of all stops from ``/sim/stops``.
 
-    The simulation keeps stops through a crash of either side. A panel that returns is the same holder: it takes up the
-    stops that it finds under its name. It drops one only when the simulation that held it holds it no more: the robot
-    was deleted, or the stop released by request. That a robot, or the simulation, is out of sight ends none.
+    The simulation keeps stops through a crash of either side. A restarted panel is the same holder: it adopts the stops
+    listed under its name. It drops a stop only if the simulation that listed it no longer does: the robot was deleted,
+    or the stop was released by request. A robot or simulation that is not visible ends no stop.
     """
 
     def __init__(self, node: Node, robots: RobotTracker) -> None:
@@ -39,23 +39,24 @@ class EmergencyStopClient:
         self._confirmed: set[str] = set()
         """The stops of this panel that the current simulation has listed."""
         self._holders: dict[str, dict[str, str]] | None = None
-        """By robot, each holder's id and name; None until the simulation has told."""
+        """By robot, each holder's id and name; None until the simulation has published the list."""
 
     def is_requested(self, robot: str) -> bool:
-        """Whether this panel has stopped the robot, or all of them, and not reset it."""
+        """Return whether this panel has stopped the robot, or all of them, and not reset it."""
         return robot in self._requested or ALL_ROBOTS in self._requested
 
     def is_stopped(self, robot: str) -> bool | None:
-        """Whether anybody's stop holds the robot; None while the simulation has not told."""
+        """Return whether any node's stop holds the robot; None until the simulation has published the list."""
         return None if self._holders is None else bool({**self._holders_of(robot), **self._holders_of(ALL_ROBOTS)})
 
     def other_holders(self, robot: str) -> list[str]:
-        """The names of the other nodes whose stops hold the robot."""
+        """Return the names of the other nodes whose stops hold the robot."""
         held = {**self._holders_of(robot), **self._holders_of(ALL_ROBOTS)}
         return sorted(name for holder, name in held.items() if holder != self._own_id)
 
     def set_stop(self, robot: str, on: bool) -> str:
-        """Stop, or reset, a robot or ALL_ROBOTS; what was done. Raises BadInput for a robot that is not there."""
+        """Stop or reset a robot or ALL_ROBOTS; returns what was done. Raises BadInput for an unknown robot, and if
+        ALL_ROBOTS stays stopped."""
         robot = ALL_ROBOTS if robot == _ROOT else robot
         if robot != ALL_ROBOTS and robot not in self._robots.by_namespace and robot not in self._requested:
             raise unknown_name("robot", robot, self._robots.by_namespace)
@@ -104,9 +105,9 @@ class EmergencyStopClient:
             self._publish(robot, True)
 
     def _drop(self, robot: str) -> None:
-        """The simulation holds a stop no more that was not reset here.
+        """Drop a stop that the simulation no longer lists although it was not reset here.
 
-        False is not published: it would end a stop that was given this very moment and is still under way.
+        False is not published: it would end a stop that was just set and is still on its way.
         """
         self._requested.discard(robot)
         if robot in self._outputs:

@@ -1,4 +1,4 @@
-"""The node graph as liveliness tokens describe it, and its channels: nodes, topics and rates."""
+"""The node graph, from liveliness tokens, and its channels: nodes, topics and rates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from services.runtime.transport.api import Transport
 
 
 class NodeGraph:
-    """Follows the tokens; ``version`` grows with each change. What dies is gone from here as soon as it is noticed."""
+    """Tracks the tokens of all nodes; ``version`` is incremented by each update with changes."""
 
     def __init__(self, transport: Transport) -> None:
         self._watch = transport.watch(EVERYTHING)
@@ -24,7 +24,7 @@ class NodeGraph:
         self.version = 0
 
     def update(self) -> None:
-        """Take what has come and gone."""
+        """Process tokens that appeared or disappeared."""
         changed = False
         while (event := self._watch.poll()) is not None:
             entity = Entity.parse(event.key)
@@ -39,33 +39,33 @@ class NodeGraph:
 
     @property
     def entities(self) -> list[Entity]:
-        """All there is, in the order of nodes, kinds and names."""
+        """All entities, sorted by node, kind and name."""
         return sorted(self._entities.values(), key=lambda e: (e.node, e.kind, e.name))
 
     def publication(self, name: str) -> Entity | None:
-        """A publication of a topic, with its type and quality."""
+        """Return a publication of a topic, with its type and quality, or None."""
         return next((each for each in self._entities.values() if each.kind == "pub" and each.name == name), None)
 
     def find_topics(self, kind: str, last: str) -> list[Entity]:
-        """Publications (``pub``), or subscriptions, of all topics whose last part is ``last``."""
+        """Return the publications (``pub``) or subscriptions (``sub``) of all topics whose name ends with ``/last``."""
         end = f"/{last}"
         found = [each for each in self._entities.values() if each.kind == kind and each.name.endswith(end)]
         return sorted(found, key=lambda e: e.name)
 
 
 RATE_HEARTBEATS = 4
-"""Heartbeats over which a rate is taken."""
+"""Number of heartbeat periods over which a rate is measured."""
 
 MAX_NODES = 4096
-"""Nodes whose heartbeats are followed."""
+"""Maximum nodes whose heartbeats are tracked."""
 
 _EXPECTED_RATES = {topic.name.lstrip("/"): topic.rate for topic in TOPICS}
 
 
 def expected_rate(name: str) -> float:
-    """The rate [Hz of simulation time] that the table of topics promises for a topic, 0 for none.
+    """Return the rate [Hz of simulation time] that the table of topics declares for a topic, 0 for none.
 
-    A name ends as the table has it: ``/tb3_0/sonar/range`` as ``sonar/range``.
+    The end of the name is looked up: ``sonar/range`` for ``/tb3_0/sonar/range``.
     """
     parts = name.lstrip("/").split("/")
     return next(
@@ -74,7 +74,7 @@ def expected_rate(name: str) -> float:
 
 
 class GraphChannel:
-    """Tells the whole graph whenever it has changed."""
+    """Sends the whole graph whenever it has changed."""
 
     period, streams = 0.2, False
 
@@ -83,14 +83,14 @@ class GraphChannel:
 
     @property
     def version(self) -> int:
-        """The network's."""
+        """The version of the graph."""
         return self._graph.version
 
     def set_enabled(self, wanted: bool) -> None:
-        """Tokens are followed in any case."""
+        """Do nothing: tokens are always tracked."""
 
     def update(self, now: float) -> None:
-        """The hub turns the network."""
+        """Do nothing: the hub updates the graph."""
 
     def delta(self, since: int) -> str | None:
         nodes: dict[str, str] = {}
@@ -115,11 +115,11 @@ class GraphChannel:
 
 @dataclass
 class _NodeHealth:
-    """What a node's heartbeats have told, each of which may list a part of its topics.
+    """The content of a node's heartbeats, each of which may list only some of its topics.
 
-    ``sent`` are, of each publication, the beats that listed it: the sender's clock and simulation time [s], and how
-    many it had sent by then. ``inputs`` are the last counts of each subscription. ``at`` is when the last beat came,
-    by the clock of this process.
+    ``sent`` has for each publication the heartbeats that listed it: the sender's clock [s], the simulation time [s] and
+    the number of samples sent by then. ``inputs`` are the last counts of each subscription. ``at`` is the time of the
+    last heartbeat [s of this process's clock].
     """
 
     sent: dict[str, deque[tuple[float, float, int]]] = field(default_factory=dict)
@@ -129,7 +129,7 @@ class _NodeHealth:
     last_growth: dict[str, float] = field(default_factory=dict)
 
     def add(self, health: Health, wall: float, sim: float, now: float) -> None:
-        """Take a beat, sent at ``wall`` and ``sim`` [s]."""
+        """Add a heartbeat sent at ``wall`` and ``sim`` time [s], received at ``now`` [s]."""
         first = health.pid != self.last.pid
         if first:
             self.sent.clear()
@@ -148,14 +148,14 @@ class _NodeHealth:
         self.last, self.at = health, now
 
     def prune(self, ends: set[tuple[str, str]]) -> None:
-        """Keep only what is still there, by kind and topic."""
+        """Remove the publications and subscriptions that no longer exist; ``ends`` has kind and topic of the others."""
         self.sent = {topic: beats for topic, beats in self.sent.items() if ("pub", topic) in ends}
         self.last_growth = {topic: when for topic, when in self.last_growth.items() if ("pub", topic) in ends}
         self.inputs = {topic: each for topic, each in self.inputs.items() if ("sub", topic) in ends}
 
 
 class RatesChannel:
-    """Tells once a second what the heartbeats say: rates of each publication, losses of each subscription, ages."""
+    """Sends once a second, from the heartbeats: rates of publications, losses of subscriptions, and ages."""
 
     period, streams = 1.0, False
 
@@ -221,7 +221,7 @@ class RatesChannel:
         return as_json("rates", nodes=nodes, topics=topics)
 
     def _rates(self, heard: _NodeHealth) -> dict[str, tuple[float, float]]:
-        """Of each publication: samples per second of simulation time and of wall time; none before two heartbeats."""
+        """Return each publication's rate [Hz] in simulation time and in wall time, once it has two heartbeats."""
         rates = {}
         for topic, beats in heard.sent.items():
             if len(beats) < 2:

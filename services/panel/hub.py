@@ -1,4 +1,4 @@
-"""The panel's side of the bus: subscribes to what pages show and publishes what they send; in the loop's thread."""
+"""The panel's connection to the bus: subscribes to the topics on pages and publishes their commands; in the loop."""
 
 from __future__ import annotations
 
@@ -37,11 +37,12 @@ from services.runtime.errors import BadInput
 from services.runtime.node import Node
 
 STATUS_PERIOD_S = 1.0
-"""Wall time between two words to a page about itself."""
+"""Wall time [s] between two status messages to a page."""
 
 
 class Hub:
-    """``time`` is the simulation's. ``update`` is called some 25 times a second while pages are open, else ten."""
+    """Connects pages and nodes. ``time`` is simulation time. ``update`` is called about 25 times a second while pages
+    are open, else about ten times."""
 
     def __init__(self, node: Node, pages: PageRegistry, params: PanelParameters) -> None:
         self.time = SimTimeMap()
@@ -76,7 +77,7 @@ class Hub:
 
     @property
     def period(self) -> float:
-        """Wall time to the next turn [s]: short while somebody drives, long when nobody looks."""
+        """Wall time to the next turn [s]: short while a page drives, long without pages."""
         if self.drive_controller.busy or self._requests.busy:
             return 0.02
         return 0.04 if self._wanted else 1.0
@@ -91,7 +92,7 @@ class Hub:
         self._markers.update(now)
         self._stops.update()
         self._goals.close_unused()
-        for name, channel in self._channels.items():  # the clock first: the others count by it
+        for name, channel in self._channels.items():  # the clock first: the others use its time
             if name in self._enabled and name != "log":
                 channel.update(now)
         for page, message in self._pages.drain():
@@ -136,7 +137,7 @@ class Hub:
         self._sent = {place: told for place, told in self._sent.items() if place[0] is not page}
 
     def _enable_channels(self) -> None:
-        """Open the channels that any page wants, close the others. Who drives needs the time, page or not."""
+        """Enable the channels that any page shows, disable the others. Driving needs the clock even without a page."""
         wanted = frozenset[str]({"clock"} if self.drive_controller.busy else ()).union(*self._wanted.values())
         if wanted == self._enabled:
             return
@@ -147,7 +148,7 @@ class Hub:
         self._enabled = wanted
 
     def _publish(self, now: float) -> None:
-        """Give each page what is new to it and due."""
+        """Send each page what is new to it and due."""
         about = now >= self._due
         self._due = now + STATUS_PERIOD_S if about else self._due
         made: dict[tuple[str, int], str | None] = {}

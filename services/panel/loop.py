@@ -1,4 +1,4 @@
-"""The loop of the panel: the bus here, the web server in a thread beside it, and a board between the two."""
+"""The loop of the panel: the bus in this thread, the web server in another, and a page registry between them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from services.runtime.transport.api import idle_subscriber
 
 
 def run(ctx: Context[PanelParameters]) -> None:
-    """Serve the page until told to stop. The loop beats whatever pages and requests do."""
+    """Serve the page until asked to stop. The loop sends its heartbeat whatever pages and requests do."""
     p, node = ctx.params, ctx.node
     path = Path(p.address).absolute() if p.address else None
     known = read_address(path) if path is not None else None

@@ -1,4 +1,4 @@
-"""What nodes publish to be drawn on the map: markers, paths, poses, maps and scans of any topic, seen from above."""
+"""Displays of nodes on the map, from above: markers, paths, poses, maps and scans on any topic."""
 
 from __future__ import annotations
 
@@ -34,29 +34,29 @@ from services.runtime.errors import BadInput, NoTransform
 from services.runtime.tf.buffer import TransformBuffer
 
 PERIODS_S = {LaserScan.ROS_TYPE: 0.2, OccupancyGrid.ROS_TYPE: 2.0}
-"""Wall time between two messages of a topic that are drawn, for types that come often or cost much."""
+"""Wall time [s] between two drawn messages of a topic, for types that are frequent or expensive."""
 MAX_TOPICS = 32
 MAX_GONE = 10_000
-"""Number of removed markers that are kept, so that pages can remove them."""
+"""Maximum removed markers remembered, so that pages can remove them."""
 MAX_MARKERS = 5000
-"""Markers of a topic that are shown; the oldest are dropped."""
+"""Maximum displayed markers of a topic; beyond that, the oldest are dropped."""
 
 
 Floats = NDArray[np.float64]
 Outline = list[float]
-"""Corners as x, y, x, y, …, m."""
+"""Corners as x, y, x, y, … [m]."""
 
 MAX_POINTS = 20_000
-"""Points of a marker that are drawn."""
+"""Maximum drawn points of a marker."""
 HEAD = 0.3
-"""Share of an arrow's length that its head takes."""
+"""Length of an arrow's head as a fraction of the arrow's length."""
 
 
 class MarkerTracker:
-    """The markers of all topics that carry something to draw; ``version`` grows with each change.
+    """The markers of all topics with a displayable type; ``version`` is incremented by each change.
 
-    Topics are read from the first look of a page on, since most senders do not repeat what they drew. What robots of
-    this project publish for themselves is drawn elsewhere: plans, goals, and the scan of the robot that is chosen.
+    Topics stay subscribed once a page has shown them, since most publishers do not repeat their markers. The plans,
+    goals and scans of this project's robots are drawn elsewhere.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class MarkerTracker:
     ) -> None:
         self.version = 0
         self.outlines: dict[tuple[str, str, int], tuple[int, dict[str, Any]]] = {}
-        """By topic, namespace and id: the version that a marker came with, and how it is drawn."""
+        """By topic, namespace and id: the version in which a marker changed last, and its drawing."""
         self.gone: dict[tuple[str, str, int], int] = {}
         self._graph, self._robots, self._time = graph, robots, time
         self._epoch = time.epoch
@@ -75,14 +75,14 @@ class MarkerTracker:
         self._reconciled: tuple[int, int] = (-1, -1)
         self._due: dict[str, float] = {}
         self._held: dict[str, Message] = {}
-        """The newest message of a topic that is not due yet."""
+        """By topic, the newest message that is not due yet."""
 
     def enable(self) -> None:
-        """Somebody looks."""
+        """Subscribe from now on; called when a page shows markers."""
         self._enabled = True
 
     def update(self, now: float) -> None:
-        """Take in what has come; ``now`` is wall time [s]."""
+        """Update from the new messages; ``now`` is wall time [s]."""
         if not self._enabled:
             return
         if self._reconciled != (self._graph.version, self._robots.version):
@@ -166,7 +166,7 @@ class MarkerTracker:
             del self.gone[next(iter(self.gone))]
 
     def _frame(self, header: Header) -> Pose3:
-        """The pose of a frame in the world; one that no transform connects with it counts as the world itself."""
+        """Return the pose of a frame in the world; the identity if no transform connects them."""
         if header.frame_id.lstrip("/") in ("", WORLD):
             return IDENTITY
         for time in (header.stamp.ns or None, None):
@@ -178,7 +178,7 @@ class MarkerTracker:
 
 
 class MarkersChannel:
-    """Tells the markers that have changed, and which are gone."""
+    """Sends the markers that have changed, and the ids of removed ones."""
 
     period, streams = 0.1, True
 
@@ -187,15 +187,15 @@ class MarkersChannel:
 
     @property
     def version(self) -> int:
-        """The markers'."""
+        """The version of the markers."""
         return self._markers.version
 
     def set_enabled(self, wanted: bool) -> None:
-        """Read them from now on."""
+        """Subscribe to the markers; they stay subscribed."""
         self._markers.enable()
 
     def update(self, now: float) -> None:
-        """The hub updates the markers."""
+        """Do nothing: the hub updates the markers."""
 
     def delta(self, since: int) -> str | None:
         markers = self._markers
@@ -209,11 +209,14 @@ class MarkersChannel:
 
 
 def marker_outline(marker: Marker, frame: Pose3) -> dict[str, Any]:
-    """A marker for the page, whose frame has the pose ``frame`` in the world; raises BadInput if it cannot be drawn.
+    """Return a marker's drawing for the page; ``frame`` is the pose of its frame in the world.
 
     Returns:
         Its ``kind`` (``area``, ``line`` or ``text``), ``colour`` and ``outlines``, the ``width`` [m] of a line, and the
-        ``text`` with its height as ``width``.
+        ``text`` with its height [m] as ``width``.
+
+    Raises:
+        BadInput: It cannot be drawn.
     """
     pose, size = frame @ Pose3.from_msg(marker.pose), marker.scale
     shape: dict[str, Any] = {"kind": "area", "colour": _colour(marker)}
@@ -256,7 +259,7 @@ def _areas(marker: Marker, pose: Pose3) -> list[Outline]:
 
 
 def _arrow(marker: Marker, pose: Pose3) -> Outline:
-    """An arrow's outline: between its two points, or along x of its pose."""
+    """Return an arrow's outline: between its two points, or along the x axis of its pose."""
     if len(marker.points) >= 2:
         start, end = _points(marker, pose)[:2, :2]
         width = marker.scale.x
@@ -278,7 +281,7 @@ def _points(marker: Marker, pose: Pose3) -> Floats:
 
 
 def _flat(corners: Floats) -> Outline:
-    """To the millimetre."""
+    """Flatten corners to an outline, rounded to the millimetre."""
     outline: Outline = np.round(corners[:, :2], 3).ravel().tolist()
     return outline
 

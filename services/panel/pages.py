@@ -1,4 +1,4 @@
-"""Open pages: the bounded send queue of each, and the queue of what they send to the loop."""
+"""Open pages: the bounded send queue of each, and the queue of their messages to the loop."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import msgspec
 from services.panel.protocol import ClientMessage
 
 MAX_PACKETS = 100
-"""Frames of samples that wait for a slow page, 4 s of them; the oldest is dropped for the next."""
+"""Maximum sample frames queued for a slow page, 4 s of them; beyond that, the oldest is dropped."""
 MAX_TEXTS = 2000
-"""Answers, log lines and values that wait; a page that is this far behind has long been given up."""
+"""Maximum replies, log lines and values queued for a page; beyond that, the oldest is dropped."""
 MAX_PACKET_BYTES = 4 << 20
-"""Of frames that wait."""
+"""Maximum bytes of queued frames."""
 
 Payload = str | bytes
 
 
 class Page:
-    """States wait once each, the newest of its kind; texts and frames wait in order. ``wake`` rouses the sender.
+    """The send queue of one page: the newest state of each kind, and texts and frames in order.
 
-    The loop puts and flushes, the sender takes; neither waits for the other. ``dropped`` counts what a slow page
-    missed.
+    The loop enqueues and flushes, which calls ``wake``; the sender drains; neither waits for the other. ``dropped``
+    counts the texts and frames that a slow page missed.
     """
 
     def __init__(self, number: int, wake: Callable[[], None]) -> None:
@@ -40,13 +40,13 @@ class Page:
         self._pending = False
 
     def set_state(self, kind: str, payload: Payload) -> None:
-        """A state: it replaces the one of its kind that still waits."""
+        """Queue a state; it replaces a queued one of its kind."""
         with self._lock:
             self._states[kind] = payload
             self._pending = True
 
     def enqueue(self, payload: Payload) -> None:
-        """Something of which each is to arrive, as long as the page keeps up."""
+        """Queue a text or a frame, each of which arrives as long as the page keeps up."""
         with self._lock:
             if isinstance(payload, str):
                 self._texts.append(payload)
@@ -62,14 +62,14 @@ class Page:
             self._pending = True
 
     def flush(self) -> None:
-        """Rouse the sender if there is anything new."""
+        """Wake the sender if anything new is queued."""
         with self._lock:
             pending, self._pending = self._pending, False
         if pending and self.open:
             self._wake()
 
     def drain(self) -> list[Payload]:
-        """Everything that waits: the states, then texts and frames, each in their order."""
+        """Remove and return everything queued: the states, then texts and frames, each in order."""
         with self._lock:
             taken = [*self._states.values(), *self._texts, *self._packets]
             self._states, self._texts, self._packets, self._packet_bytes = {}, deque(), deque(), 0
@@ -77,19 +77,19 @@ class Page:
 
 
 def send_reply(page: Page, number: int, ok: bool, text: object) -> None:
-    """Answer what a page has asked under ``number``."""
+    """Send the reply to a page's request ``number``."""
     page.enqueue(msgspec.json.encode({"k": "reply", "id": number, "ok": ok, "result": text}).decode())
     page.flush()
 
 
 def send_error(page: Page, reason: str) -> None:
-    """Tell a page what was wrong with what it said."""
+    """Send a page the reason why its message was refused."""
     page.enqueue(msgspec.json.encode({"k": "error", "reason": reason[:500]}).decode())
     page.flush()
 
 
 MAX_QUEUED_MESSAGES = 1024
-"""Words that wait for the loop; beyond it they are refused."""
+"""Maximum messages queued for the loop; further ones are refused."""
 
 
 class Disconnected(NamedTuple):
@@ -100,7 +100,7 @@ DISCONNECTED = Disconnected()
 
 
 class PageRegistry:
-    """Used by both threads; ``wake`` wakes the loop."""
+    """The open pages and their messages. Used by both threads; ``wake`` wakes the loop."""
 
     def __init__(self, wake: Callable[[], None], most: int) -> None:
         self._wake, self._max_pages = wake, most
@@ -112,12 +112,12 @@ class PageRegistry:
 
     @property
     def pages(self) -> list[Page]:
-        """The pages that are open."""
+        """The open pages."""
         with self._lock:
             return list(self._pages.values())
 
     def open_page(self, wake: Callable[[], None]) -> Page | None:
-        """A page opens; None when there are too many."""
+        """Register a new page; returns None if too many are open."""
         with self._lock:
             if len(self._pages) >= self._max_pages:
                 return None
@@ -126,7 +126,7 @@ class PageRegistry:
         return page
 
     def close_page(self, page: Page) -> None:
-        """A page is gone, and lets go of what it drives."""
+        """Remove a page, and queue its disconnection, so that it releases the robots that it drives."""
         page.open = False
         with self._lock:
             self._pages.pop(page.number, None)
@@ -134,7 +134,7 @@ class PageRegistry:
         self._wake()
 
     def submit(self, page: Page, message: ClientMessage) -> bool:
-        """Queue a message of a page; False when the loop is too far behind."""
+        """Queue a message of a page; returns False if the loop is too far behind."""
         with self._lock:
             taken = len(self._queue) < MAX_QUEUED_MESSAGES
             if taken:
@@ -143,13 +143,13 @@ class PageRegistry:
         return taken
 
     def reject(self, page: Page) -> None:
-        """Count what a page said that was not understood."""
+        """Count a refused message of a page."""
         page.rejected += 1
         with self._lock:
             self.rejected += 1
 
     def drain(self) -> list[tuple[Page, ClientMessage | Disconnected]]:
-        """What was said since the last call."""
+        """Remove and return the messages since the last call."""
         with self._lock:
             heard, self._queue = list(self._queue), deque()
         return heard

@@ -1,4 +1,4 @@
-"""Plots on the page: the numbers of the fields that pages ask for, with their simulation time and unit."""
+"""Plots on the page: the values of the requested fields, with their simulation time and unit."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
 from services.runtime.field_path import FieldPath, child, field_types, is_path, leaves, parse_path
 
 LIST_PERIOD_S = 0.4
-"""Wall time between two lists of a topic's fields."""
+"""Wall time [s] between two lists of a topic's fields."""
 
 MAX_FIELDS = 600
-"""Leaves of a message that are listed."""
+"""Maximum listed leaves of a message."""
 MAX_ARRAY_ELEMENTS = 64
-"""Elements of a list that are listed; a path reaches all of them."""
+"""Maximum listed elements of a list; a path can select any element."""
 
 Scalar = bool | int | float | str | None
 TopicType = tuple[str, str]
@@ -48,11 +48,11 @@ class Plots:
 
     @property
     def busy(self) -> bool:
-        """Whether anybody wants samples."""
+        """Whether any page plots series or lists fields."""
         return any(want.series or want.fields for want in self._requested.values())
 
     def set_subscription(self, page: Page, want: Subscribe | None) -> None:
-        """Set what a page plots from now on; None when it is gone."""
+        """Set what a page plots; None if it has closed."""
         if want is None:
             self._requested.pop(page, None)
             self._sent_units.pop(page, None)
@@ -61,7 +61,7 @@ class Plots:
         self._changes += 1
 
     def update(self, now: float) -> None:
-        """Take in what has come, and give it to the pages."""
+        """Read the new messages and send their samples to the pages; ``now`` is wall time [s]."""
         if self._reconciled != (self._graph.version, self._changes):
             self._reconciled = self._graph.version, self._changes
             self._reconcile()
@@ -124,7 +124,7 @@ class Plots:
                 page.enqueue(pack_samples(self._time.epoch, series))
 
     def _send_fields(self) -> None:
-        """Tell each page what is in the topics that it looks into."""
+        """Send each page the fields of the topics that it lists, and the units of its series."""
         listed: dict[str, str] = {}
         for page, want in self._requested.items():
             units = {
@@ -148,7 +148,7 @@ class Plots:
 
 
 def read_number(message: Any, path: FieldPath) -> float | None:
-    """The number at the end of a path, bool as 0 or 1; None when there is none, or it is not finite."""
+    """Return the number at a path, a bool as 0 or 1; None if there is none or it is not finite."""
     value = message
     try:
         for step in path:
@@ -161,7 +161,7 @@ def read_number(message: Any, path: FieldPath) -> float | None:
 
 
 def list_fields(message: Any) -> list[tuple[str, Scalar]]:
-    """Paths and values of what a message holds, MAX_FIELDS of them at most."""
+    """Return the paths and values of a message's fields, at most MAX_FIELDS."""
     found = (
         (path, value[:200] if isinstance(value, str) else _json_scalar(value))
         for path, value in _leaves(message)
@@ -171,7 +171,7 @@ def list_fields(message: Any) -> list[tuple[str, Scalar]]:
 
 
 def _leaves(message: object) -> Iterator[tuple[str, Any]]:
-    """The single values of a message; bytes, as which uint8[] comes, only if they are few: else they are data."""
+    """Yield the single values of a message; bytes (uint8[]) element by element up to MAX_ARRAY_ELEMENTS, else whole."""
     for path, value in leaves(message, max_elements=MAX_ARRAY_ELEMENTS):
         if isinstance(value, bytes) and len(value) <= MAX_ARRAY_ELEMENTS:
             yield from ((f"{path}[{index}]", each) for index, each in enumerate(value))
@@ -180,7 +180,7 @@ def _leaves(message: object) -> Iterator[tuple[str, Any]]:
 
 
 def _json_scalar(value: bool | int | float | None) -> Scalar:
-    """As JSON can carry it."""
+    """Return the value as JSON can represent it."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value
@@ -210,7 +210,7 @@ _TOPIC_UNITS = {each.name: each.unit for each in TOPICS if each.unit}
 
 
 def field_unit(topic: str, message: Any, path: FieldPath) -> str:
-    """The unit of the number at the end of a path in a message of ``topic``; empty when none is known."""
+    """Return the unit of the number at a path in a message of ``topic``; empty if unknown."""
     found, value = _TOPIC_UNITS.get(topic, ""), message
     try:
         for step in path:
@@ -223,6 +223,6 @@ def field_unit(topic: str, message: Any, path: FieldPath) -> str:
 
 
 def _declared_unit(record: type[Message], field: str) -> str:
-    """The unit that a field states in its annotation."""
+    """Return the unit in a field's annotation, or an empty text."""
     kind = field_types(record).get(field)
     return str((kind.extra or {}).get("unit", "")) if isinstance(kind, inspect.Metadata) else ""

@@ -1,8 +1,8 @@
 """The protocol between the page and the panel: client messages, channels, and the binary packet of plot samples.
 
-Little-endian: four uint32 (the mark, the epoch of simulation time, how many series, 0); then for each series two uint32
-(its id, how many samples), its times [s of simulation time] and its values, float64 each. Everything lies at multiples
-of 8 bytes, where a browser puts typed arrays over it.
+Little-endian: four uint32 (MAGIC, the epoch of simulation time, the number of series, 0); then for each series two
+uint32 (its id, the number of samples), its times [s of simulation time] and its values, float64 each. Everything is
+aligned to 8 bytes, as a browser's typed arrays require.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from services.runtime.errors import BadInput
 from services.runtime.field_path import parse_path
 
 MAX_MESSAGE_SIZE = 1 << 16
-"""Bytes of what a page sends; more ends the connection."""
+"""Maximum bytes of a page's message; a larger one ends the connection."""
 
 MAX_SERIES = 32
 
@@ -49,7 +49,7 @@ ChannelName = Literal[
 class ClientMessageBase(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="k", tag=str.lower
 ):
-    """Anything that a page says."""
+    """Base class of a page's messages."""
 
 
 class PlotSeries(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -61,8 +61,8 @@ class PlotSeries(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class Subscribe(ClientMessageBase, frozen=True, kw_only=True):
-    """All that the page wants to see from now on; ``fields`` are topics whose content it lists, ``scan`` is the
-    namespace of the robot whose laser it draws."""
+    """Everything that the page shows from now on; ``fields`` are topics whose fields it lists, ``scan`` is the
+    namespace of the robot whose laser scan it draws."""
 
     channels: Annotated[tuple[ChannelName, ...], Meta(max_length=16)] = ()
     series: Annotated[tuple[PlotSeries, ...], Meta(max_length=MAX_SERIES)] = ()
@@ -71,7 +71,7 @@ class Subscribe(ClientMessageBase, frozen=True, kw_only=True):
 
 
 class Drive(ClientMessageBase, frozen=True, kw_only=True):
-    """The hand is on the stick: said again and again for as long as it is."""
+    """A velocity command [m/s, rad/s], repeated while the joystick is held."""
 
     robot: Name
     v: Number = 0.0
@@ -79,11 +79,11 @@ class Drive(ClientMessageBase, frozen=True, kw_only=True):
 
 
 class Release(ClientMessageBase, frozen=True, kw_only=True):
-    """The hand is off the stick."""
+    """The joystick is released."""
 
 
 class ClientRequest(ClientMessageBase, frozen=True, kw_only=True):
-    """What is answered, under the number ``id``."""
+    """Base class of messages that get a reply with the same ``id``."""
 
     id: Id
 
@@ -93,7 +93,7 @@ class Pause(ClientRequest, frozen=True, kw_only=True):
 
 
 class Resume(ClientRequest, frozen=True, kw_only=True):
-    """Let simulation time go on."""
+    """Resume simulation time."""
 
 
 class Step(ClientRequest, frozen=True, kw_only=True):
@@ -103,20 +103,20 @@ class Step(ClientRequest, frozen=True, kw_only=True):
 
 
 class Reset(ClientRequest, frozen=True, kw_only=True):
-    """All models to where they were spawned; with ``time``, time to zero too."""
+    """Move all models to where they were spawned; with ``time``, also reset simulation time."""
 
     time: bool = True
 
 
 class Process(ClientRequest, frozen=True, kw_only=True):
-    """An order to the supervisor."""
+    """A request to the supervisor to start, stop or restart a process."""
 
     verb: Literal["start", "stop", "restart"]
     name: Name
 
 
 class Set(ClientRequest, frozen=True, kw_only=True):
-    """Change parameters of a set, all or none; ``run`` for this run alone."""
+    """Set parameters of a set, all or none; with ``run`` for this run only."""
 
     set: SetName
     values: Annotated[dict[str, Value], Meta(min_length=1, max_length=256)]
@@ -124,27 +124,27 @@ class Set(ClientRequest, frozen=True, kw_only=True):
 
 
 class Unset(ClientRequest, frozen=True, kw_only=True):
-    """Take what was set of the named parameters back, of all when none is named."""
+    """Reset the named parameters of a set, all if none is named."""
 
     set: SetName
     names: Annotated[tuple[Name, ...], Meta(max_length=256)] = ()
 
 
 class Undo(ClientRequest, frozen=True, kw_only=True):
-    """Take the newest change of a set back."""
+    """Undo the newest change of a set."""
 
     set: SetName
 
 
 class History(ClientRequest, frozen=True, kw_only=True):
-    """The newest changes of a set."""
+    """List the newest changes of a set."""
 
     set: SetName
     limit: Annotated[int, Meta(ge=1, le=200)] = 30
 
 
 class Goal(ClientRequest, frozen=True, kw_only=True):
-    """Send a robot to a point of the world, m, m, rad."""
+    """Send a robot to a pose in the world frame [m, m, rad]."""
 
     robot: Name
     x: Annotated[float, Meta(ge=-1e4, le=1e4)]
@@ -153,7 +153,7 @@ class Goal(ClientRequest, frozen=True, kw_only=True):
 
 
 class Estop(ClientRequest, frozen=True, kw_only=True):
-    """Stop a robot, all when ``robot`` is empty, until ``on=false`` resets it."""
+    """Stop a robot, or all if ``robot`` is empty, until ``on=false`` resets the stop."""
 
     robot: Name = ""
     on: bool
@@ -167,7 +167,7 @@ _decoder: msgspec.json.Decoder[ClientMessage] = msgspec.json.Decoder(ClientMessa
 
 
 def decode_message(text: str) -> ClientMessage:
-    """What a page said; raises BadInput with the field and the reason."""
+    """Decode and check a page's message; raises BadInput with the field and the reason."""
     try:
         message = _decoder.decode(text)
     except (msgspec.MsgspecError, RecursionError, UnicodeEncodeError) as error:
@@ -196,38 +196,38 @@ def _check_name(name: str) -> None:
 
 
 class PageChannel(Protocol):
-    """One kind of news. The hub opens it when the first page wants it, and closes it after the last."""
+    """One kind of data for pages. The hub enables it for the first page that shows it, and disables it for the last."""
 
     @property
     def period(self) -> float:
-        """Wall time between two tellings at least [s]."""
+        """Minimum wall time [s] between two messages to a page."""
         ...
 
     @property
     def streams(self) -> bool:
-        """Whether each telling matters, or the newest alone."""
+        """Whether each message is sent, or only the newest."""
         ...
 
     @property
     def version(self) -> int:
-        """Grows with every change."""
+        """Incremented by every change."""
         ...
 
     def set_enabled(self, wanted: bool) -> None:
-        """Somebody wants it, or nobody does."""
+        """Enable the channel for the first page, or disable it after the last."""
         ...
 
     def update(self, now: float) -> None:
-        """Take in what has come; ``now`` is wall time [s]. Called while it is wanted."""
+        """Update from the new messages; ``now`` is wall time [s]. Called while the channel is enabled."""
         ...
 
     def delta(self, since: int) -> str | None:
-        """What a page that knows the version ``since`` (-1 for nothing) has to hear, as JSON."""
+        """Return the JSON message for a page that has the version ``since`` (-1 for none); None for no message."""
         ...
 
 
 def as_json(kind: str, **content: object) -> str:
-    """A message to a page."""
+    """Encode a message to a page."""
     return msgspec.json.encode({"k": kind, **content}).decode()
 
 
@@ -245,7 +245,7 @@ class Samples:
         self.values = array("d")
 
     def add(self, time: float, value: float) -> None:
-        """One sample."""
+        """Add a sample; ``time`` is simulation time [s]."""
         self.times.append(time)
         self.values.append(value)
 
@@ -253,7 +253,7 @@ class Samples:
         return len(self.times)
 
     def encode(self) -> bytes:
-        """The samples as they travel."""
+        """Return the samples as sent: little-endian times, then values."""
         if sys.byteorder == "big":
             self.times.byteswap()
             self.values.byteswap()
@@ -261,6 +261,6 @@ class Samples:
 
 
 def pack_samples(epoch: int, series: Iterable[tuple[int, int, bytes]]) -> bytes:
-    """A frame of series, each its id, its count of samples and its body."""
+    """Pack a frame of series, each with its id, number of samples and encoded samples."""
     parts = [each for id_, count, body in series for each in (_SERIES.pack(id_, count), body)]
     return b"".join((_HEAD.pack(MAGIC, epoch & 0xFFFFFFFF, len(parts) // 2, 0), *parts))

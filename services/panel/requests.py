@@ -1,4 +1,4 @@
-"""Requests of pages to other nodes: one for each client message, with a deadline, without blocking the loop."""
+"""Requests of pages to other nodes: one per client message, with a deadline, without blocking the loop."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from services.runtime.transport.api import PendingReplies, Transport
 _SUPERVISOR_REQUESTS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
 
 MAX_PENDING_REQUESTS = 8
-"""Requests of a page that wait for their answers; more are refused."""
+"""Maximum pending requests of a page; further ones are refused."""
 
 
 class _PendingRequest(NamedTuple):
-    """A question that is under way."""
+    """A request waiting for its reply."""
 
     page: Page
     number: int
@@ -52,7 +52,7 @@ class _PendingRequest(NamedTuple):
 
 
 class RequestClient:
-    """Asks other nodes, and gives the answers to the pages that wanted them. Nothing here waits."""
+    """Calls other nodes and sends the replies to the pages that requested them, without blocking."""
 
     def __init__(self, transport: Transport, identity: Identity) -> None:
         self._transport, self._identity = transport, identity
@@ -60,11 +60,11 @@ class RequestClient:
 
     @property
     def busy(self) -> bool:
-        """Whether any answer is outstanding."""
+        """Whether any reply is pending."""
         return bool(self._pending)
 
     def send(self, page: Page, asked: ClientRequest, deadline: float) -> None:
-        """Ask for a page; the answer, or after ``deadline`` [s] the reason for none, reaches it by ``poll``."""
+        """Send a page's request; ``poll`` delivers the reply, or an error after ``deadline`` [s]. Raises BadInput."""
         waiting = sum(each.page is page for each in self._pending)
         if waiting >= MAX_PENDING_REQUESTS:
             raise BadInput(f"{waiting} requests are already waiting for an answer")
@@ -74,7 +74,7 @@ class RequestClient:
         self._pending.append(_PendingRequest(page, asked.id, request, key, pending, deadline))
 
     def poll(self) -> None:
-        """Hand on the answers that have come."""
+        """Deliver the replies that have arrived."""
         if not self._pending:
             return
         waiting = []

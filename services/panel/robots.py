@@ -1,4 +1,4 @@
-"""The robots on the network, found in the graph, and the latest messages of each."""
+"""Finds the robots in the graph, and keeps the latest messages of each."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ WORLD = "world"
 
 @dataclass
 class RobotState:
-    """One robot by its absolute namespace. ``truth`` and ``estimate`` lie in the world.
+    """One robot by its absolute namespace. ``truth`` and ``estimate`` are poses in the world frame.
 
-    ``frame`` is that of its odometry, by which its controllers know it. A ``turtle`` of turtlesim has a pose alone.
+    ``frame`` is that of its odometry, which its controllers use. A ``turtle`` of turtlesim has only a pose.
     """
 
     namespace: str
@@ -54,18 +54,18 @@ class RobotState:
     frame: str = ""
 
     def topic_name(self, topic: Topic[Any]) -> str:
-        """The absolute name of one of its topics."""
+        """Return the absolute name of one of its topics."""
         return join(self.namespace, topic.name)
 
 
 MAX_ORIGINS = 4096
-"""Frames that stand in the world, of which the place is remembered."""
+"""Maximum frames fixed in the world whose poses are kept."""
 
 
 class RobotTracker:
-    """The robots in the graph; ``version`` grows with their state, ``pose_version`` with their motion.
+    """The robots in the graph; ``version`` counts changes of their state, ``pose_version`` their new poses.
 
-    ``frames`` has the fixed transforms, as of the lasers on their bases.
+    ``frames`` has the static transforms, such as those of the lasers on their bases.
     """
 
     def __init__(self, subscriptions: SharedSubscriptions, graph: NodeGraph) -> None:
@@ -80,7 +80,7 @@ class RobotTracker:
         self._pose_received = False
 
     def set_enabled(self, poses: bool, rest: bool) -> None:
-        """Listen to where they are, and to the rest, or know their names alone; what was heard is then forgotten."""
+        """Subscribe to poses, and to the ``rest``; what is disabled is unsubscribed from and its values are cleared."""
         topics = (*((GROUND_TRUTH, ODOM, TURTLE_POSE) if poses else ()), *((BASE_STATUS, STATUS, PLAN) if rest else ()))
         if topics != self._topics:
             for robot in self.by_namespace.values():
@@ -91,15 +91,15 @@ class RobotTracker:
             self._topics, self._reconciled = topics, -1
 
     def colour(self, robot: RobotState) -> str:
-        """The colour of a robot, as the viewer and the report have it: of those that come later, the next ones."""
+        """Return the colour of a robot, the same as in the viewer and the report; later robots get the next ones."""
         return hexadecimal(self._palette.colour(robot.namespace.strip("/")))
 
     def free_colours(self, count: int) -> list[str]:
-        """Colours of the same palette that no robot has, for what is drawn beside robots."""
+        """Return colours of the same palette that no robot has."""
         return [hexadecimal(each) for each in self._palette.next_colours(count)]
 
     def update(self) -> None:
-        """Take in what has come."""
+        """Update from the graph and the new messages."""
         if self._reconciled != self._graph.version:
             self._reconciled = self._graph.version
             self._reconcile()
@@ -109,8 +109,8 @@ class RobotTracker:
             self._update_robot(robot)
 
     def _reconcile(self) -> None:
-        """Robots are those whose true pose is told, and turtles; who takes their commands, stops and goals is seen
-        beside."""
+        """Find the robots in the graph: namespaces that publish a true pose, and turtles; and what they subscribe
+        to."""
         drives = {each.name: each.record for each in self._graph.find_topics("sub", CMD_VEL.name)}
         goals = {each.name for each in self._graph.find_topics("sub", GOAL_POSE.name)}
         stops = {each.name for each in self._graph.find_topics("sub", E_STOP.name)}
@@ -171,7 +171,7 @@ class RobotTracker:
 
 
 def _changed(before: BaseStatus, after: BaseStatus) -> bool:
-    """Whether anything that people look at has changed; counts and times do all the time."""
+    """Return whether any displayed field has changed; counts and times change all the time."""
     return _shown_fields(before) != _shown_fields(after)
 
 

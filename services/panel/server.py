@@ -1,4 +1,4 @@
-"""The web server in its own thread, its routes, and the WebSocket of a page."""
+"""The web server in its own thread, its routes, and the WebSockets of pages."""
 
 from __future__ import annotations
 
@@ -29,15 +29,16 @@ from services.runtime.errors import BadInput
 
 HOST = "127.0.0.1"
 PORT_TRIES = 20
-"""Ports that are tried after the one that was asked for."""
+"""Number of ports to try, beginning with the requested one."""
 START_TIMEOUT_S = 10.0
 STOP_TIMEOUT_S = 2.0
 
 
 def listen(port: int, earlier: int | None = None) -> socket.socket:
-    """A socket that listens on the loopback, on ``port`` or the next that is free; raises BadInput without any.
+    """Return a socket that listens on the loopback interface, on ``port`` or the next free one; raises BadInput if none
+    is free.
 
-    The port of an ``earlier`` life comes first if it is one of these: pages that are open return there.
+    The port used before a restart (``earlier``) is preferred if it is among these: open pages reconnect there.
     """
     last = min(port + PORT_TRIES - 1, 65535)
     ports = range(port, last + 1) if port else range(1)
@@ -57,9 +58,9 @@ def listen(port: int, earlier: int | None = None) -> socket.socket:
 
 
 class Server:
-    """Serves ``app`` on ``listening`` while the context lasts; ``pulse`` is called every ``period()`` seconds there.
+    """Serves ``app`` on ``listening`` in a thread, which also calls ``pulse`` every ``period()`` seconds.
 
-    Who has not shown the token of ``gate`` is let in for a few seconds only.
+    Connections without the token of ``auth`` are closed after AUTH_TIMEOUT_S.
     """
 
     def __init__(
@@ -114,16 +115,16 @@ class Server:
             beating.cancel()
 
     async def _wake_periodically(self) -> None:
-        """The loop's pace: faster while pages are open, so that it needs none of its own when nobody looks."""
+        """Wake the loop at its period: often while pages are open, rarely without any."""
         while True:
             await asyncio.sleep(self._period())
             self._wake()
 
 
 class PageProtocol(WebSocketsSansIOProtocol):
-    """uvicorn's WebSocket, which hands text that is not UTF-8 on as bytes: the page's reader refuses and counts those.
+    """uvicorn's WebSocket, which passes on text that is not UTF-8 as bytes, to be refused and counted.
 
-    uvicorn itself writes a traceback into the log and closes the connection.
+    uvicorn itself would log a traceback and close the connection.
     """
 
     def send_receive_event_to_app(self) -> None:
@@ -137,17 +138,17 @@ class PageProtocol(WebSocketsSansIOProtocol):
 
 STATIC = Path(__file__).with_name("static")
 MAX_MESSAGES_PER_S = 200
-"""Of a page; a hand on the stick says 20."""
+"""Maximum message rate of a page [Hz]; driving takes 20."""
 MAX_REJECTED = 50
-"""Senseless words after which a page is closed."""
+"""Maximum refused messages of a page; a further one closes it."""
 
 
 def create_app(auth: Authenticator, pages: PageRegistry) -> Starlette:
-    """The routes behind the guard."""
+    """Create the application: its routes behind AuthMiddleware."""
 
     async def home(request: Request) -> Response:
         if auth.query_is_valid(request.scope) or auth.redeem_ticket(request.query_params.get("once", "")):
-            # Neither stays in the history of the browser, nor in its bar.
+            # Redirect, so that neither stays in the browser's history or address bar.
             response = RedirectResponse("/", 303)
             response.set_cookie(auth.cookie, auth.token, httponly=True, samesite="strict", path="/")
             return response
@@ -156,12 +157,12 @@ def create_app(auth: Authenticator, pages: PageRegistry) -> Starlette:
         return FileResponse(STATIC / "locked.html", status_code=401)
 
     async def session(request: Request) -> Response:
-        """Whether the token is still valid: a browser does not tell a page why its socket was refused."""
+        """Report whether the token is still valid: browsers hide from a page why its socket was refused."""
         known = auth.cookie_is_valid(request.headers)
         return PlainTextResponse("known" if known else "unknown", 200 if known else 401)
 
     async def ticket(request: Request) -> Response:
-        """For ``./elea panel``: what it may show on the command line of a browser."""
+        """Issue a ticket for ``./elea panel``, which may show it on a browser's command line."""
         known = auth.cookie_is_valid(request.headers)
         return PlainTextResponse(auth.issue_ticket() if known else "unknown", 200 if known else 401)
 
@@ -181,12 +182,12 @@ def create_app(auth: Authenticator, pages: PageRegistry) -> Starlette:
 
 
 async def handle_socket(ws: WebSocket, pages: PageRegistry) -> None:
-    """Serve one page until it goes."""
+    """Serve one page until it disconnects."""
     loop, wakened = asyncio.get_running_loop(), asyncio.Event()
     try:
         await ws.accept()
     except OSError:
-        return  # it went before it was let in, and has no place to give back
+        return  # it disconnected before it was registered as a page
     page = pages.open_page(_waker(loop, wakened))
     if page is None:
         await ws.close(1013, "too many pages are open")
@@ -221,13 +222,13 @@ async def handle_socket(ws: WebSocket, pages: PageRegistry) -> None:
 
 
 class RateLimit:
-    """How much a page says: MAX_MESSAGES_PER_S, in any second that begins with a word."""
+    """Limits a page to MAX_MESSAGES_PER_S, in windows of a second that begin with a message."""
 
     def __init__(self) -> None:
         self._since, self._count = 0.0, 0
 
     def allows(self, now: float) -> bool:
-        """Whether another message is accepted at ``now`` [s]."""
+        """Count a message at ``now`` [s]; returns whether it is accepted."""
         if now - self._since > 1.0:
             self._since, self._count = now, 0
         self._count += 1
@@ -251,4 +252,4 @@ async def _send(ws: WebSocket, page: Page, wakened: asyncio.Event) -> None:
             for payload in page.drain():
                 await (ws.send_text(payload) if isinstance(payload, str) else ws.send_bytes(payload))
     except (WebSocketDisconnect, RuntimeError, OSError):
-        return  # the reader hears of it too
+        return  # the receiving task notices it too

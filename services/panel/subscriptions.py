@@ -1,4 +1,4 @@
-"""The panel's subscriptions: one for each topic that a page shows, closed when none shows it any more."""
+"""The panel's subscriptions: one for each topic shown on a page, closed when no page shows it any longer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Received = list[tuple[Any, SampleInfo | None]]
 
 
 class SharedSubscriptions:
-    """Opens and closes subscriptions by how many want them. Used by the loop alone."""
+    """Reference-counted subscriptions, closed by the last user. Used in the loop's thread only."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -25,7 +25,7 @@ class SharedSubscriptions:
         self._owned_by_node: set[tuple[str, str]] = set()
 
     def acquire(self, name: str, record: str, quality: str = "SENSOR") -> Subscriber[Any]:
-        """The subscription to an absolute topic with a ROS type; each call needs its own ``release``."""
+        """Return the subscription to an absolute topic with a ROS type; each call needs its own ``release``."""
         feed, users = self._open.get((name, record), (None, 0))
         if feed is None:
             feed = self._subscribe(name, record, Quality.__members__.get(quality, Quality.SENSOR))
@@ -45,7 +45,7 @@ class SharedSubscriptions:
             self._node.unregister(feed)
 
     def update(self) -> None:
-        """Read the new messages of all of them."""
+        """Read the new messages of all subscriptions."""
         self._node.update_subscribers()
 
     def _subscribe(self, name: str, ros_type: str, quality: Quality) -> Subscriber[Any]:
@@ -53,13 +53,13 @@ class SharedSubscriptions:
         if record is None:
             record, decode = unknown_record(ros_type), _read_map
         if any(each.name == name and each.topic.record is record for each in self._node.subscribers):
-            self._owned_by_node.add((name, ros_type))  # the node itself reads it, and goes on
+            self._owned_by_node.add((name, ros_type))  # the node itself keeps using it
         topic = Topic(name, record, 0, quality, "", largest_of(name, ros_type))
         return self._node.subscribe(topic, name, decode)
 
 
 def _read_map(payload: bytes) -> dict[str, Any]:
-    """A message of unknown type; raises WrongPayload."""
+    """Decode a message of unknown type; raises WrongPayload."""
     value = plain(payload)
     if not isinstance(value, dict):
         raise WrongPayload(f"expected a map of fields, got {type(value).__name__}")
@@ -67,14 +67,14 @@ def _read_map(payload: bytes) -> dict[str, Any]:
 
 
 class SubscriptionGroup:
-    """The feeds that one part of the panel wants, as a set that may change; those it leaves out are closed."""
+    """The topics subscribed to by one part of the panel, as a set that may change."""
 
     def __init__(self, feeds: SharedSubscriptions) -> None:
         self._shared = feeds
         self._held: dict[tuple[str, str], Subscriber[Any]] = {}
 
     def set_topics(self, wanted: dict[tuple[str, str], str]) -> None:
-        """From now on these topics, by name and type, each with its quality."""
+        """Set the topics, by name and type, each with its quality; all others are released."""
         for place in [each for each in self._held if each not in wanted]:
             del self._held[place]
             self._shared.release(*place)
@@ -83,7 +83,7 @@ class SubscriptionGroup:
                 self._held[name, record] = self._shared.acquire(name, record, quality)
 
     def messages(self, name: str, record: str) -> Received:
-        """What came on a topic; nothing when it is not held."""
+        """Return the new messages of a topic; an empty list if the group does not include it."""
         feed = self._held.get((name, record))
         return feed.messages if feed is not None else []
 
@@ -91,5 +91,5 @@ class SubscriptionGroup:
         return place in self._held
 
     def topics(self) -> list[tuple[str, str]]:
-        """The topics held, by name and type."""
+        """Return the topics of the group, by name and type."""
         return list(self._held)

@@ -1,4 +1,4 @@
-"""The world on the map: outlines of its bodies from above, those of bodies that move, and the laser of a robot."""
+"""The world on the map: outlines of its bodies from above, including moving ones, and the laser scan of a robot."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
 from services.runtime.errors import BadInput, NoTransform
 
 MAX_PARTS = 20_000
-"""Outlines that are shown; a page draws as many in 20 ms."""
+"""Maximum displayed outlines; a page draws as many in 20 ms."""
 
 Floats = NDArray[np.float64]
 
 
 class WorldTracker:
-    """The bodies of the world; ``version`` grows when others are there, ``motion`` when one has moved.
+    """The bodies of the world; ``version`` counts changes of their set, ``motion`` their movements.
 
-    The markers are read always: they are latched, and come once.
+    The markers are always subscribed to: they are latched, and published once.
     """
 
     def __init__(self, subscriptions: SharedSubscriptions) -> None:
@@ -45,12 +45,12 @@ class WorldTracker:
         self._poses: dict[str, Pose3] = {}
 
     def set_enabled(self, wanted: bool) -> None:
-        """Follow the bodies that move, or leave them where they were seen last."""
+        """Subscribe to the poses of moving bodies, or leave them at their last poses."""
         place = WORLD_STATES.name, WorldStates.ROS_TYPE
         self._states.set_topics({place: WORLD_STATES.quality.name} if wanted else {})
 
     def update(self) -> None:
-        """Take in what has come."""
+        """Update from the new messages."""
         for array, _ in self._markers.messages(WORLD_MARKERS.name, MarkerArray.ROS_TYPE)[-1:]:
             self._set_bodies(array)
         for states, _ in self._states.messages(WORLD_STATES.name, WorldStates.ROS_TYPE)[-1:]:
@@ -64,7 +64,7 @@ class WorldTracker:
             try:
                 parts = body.footprints()
             except BadInput:
-                continue  # the grader tells of it in the log
+                continue  # the grader logs it
             count += len(parts)
             found.append((body, parts if count <= MAX_PARTS else []))
         self.bodies = tuple(found)
@@ -82,7 +82,7 @@ class WorldTracker:
 
 
 class WorldChannel:
-    """Tells the bodies of the world: name, kind, colour and outlines, each ``[x, y, x, y, …]`` in m."""
+    """Sends the bodies of the world: name, kind, colour and outlines, each ``[x, y, x, y, …]`` [m]."""
 
     period, streams = 0.5, False
 
@@ -91,14 +91,14 @@ class WorldChannel:
 
     @property
     def version(self) -> int:
-        """The world's."""
+        """The version of the world."""
         return self._world.version
 
     def set_enabled(self, wanted: bool) -> None:
-        """The hub lets the world be followed."""
+        """Do nothing: the markers are always subscribed to."""
 
     def update(self, now: float) -> None:
-        """The hub updates the world."""
+        """Do nothing: the hub updates the world."""
 
     def delta(self, since: int) -> str | None:
         bodies = [
@@ -114,7 +114,7 @@ class WorldChannel:
 
 
 class BodiesChannel:
-    """Tells the outlines of the bodies that may move, where they are now, by name."""
+    """Sends the present outlines of the movable bodies, by name."""
 
     period, streams = 0.04, False
 
@@ -123,30 +123,30 @@ class BodiesChannel:
 
     @property
     def version(self) -> int:
-        """The motions of the bodies."""
+        """The number of movements of the bodies."""
         return self._world.motion
 
     def set_enabled(self, wanted: bool) -> None:
-        """Follow them."""
+        """Enable the subscription to their poses."""
         self._world.set_enabled(wanted)
 
     def update(self, now: float) -> None:
-        """The hub updates the world."""
+        """Do nothing: the hub updates the world."""
 
     def delta(self, since: int) -> str | None:
         return as_json("bodies", outlines=self._world.outlines)
 
 
 SCAN_PERIOD_S = 0.1
-"""Wall time between two scans that a page gets at least."""
+"""Minimum wall time [s] between two scans sent to a page."""
 MAX_POINTS = 720
-"""Echoes of a scan that are drawn; of more, evenly chosen ones."""
+"""Maximum drawn points of a scan; of more, evenly spaced ones."""
 MAX_POSES = 128
-"""True poses of a robot that are kept, to know where it was at the stamp of a scan."""
+"""Maximum true poses kept per robot, to interpolate its pose at the stamp of a scan."""
 
 
 class ScanSender:
-    """Sends pages the echoes of the laser of one robot each, as points in the world; no laser that nobody looks at."""
+    """Sends each page the laser scan of one robot, as points in the world; subscribes only to scans that are shown."""
 
     def __init__(self, subscriptions: SharedSubscriptions, graph: NodeGraph, robots: RobotTracker) -> None:
         self._subscriptions, self._graph, self._robots = SubscriptionGroup(subscriptions), graph, robots
@@ -157,7 +157,7 @@ class ScanSender:
         self._changes = 0
 
     def set_subscription(self, page: Page, robot: str) -> None:
-        """The robot whose laser a page shows; none if empty, or when it is gone."""
+        """Set the robot whose scan a page shows; empty for none, or if the page has closed."""
         if self._requested.get(page, "") != robot:
             self._requested.pop(page, None)
             if robot:
@@ -165,7 +165,7 @@ class ScanSender:
             self._changes += 1
 
     def update(self, now: float) -> None:
-        """Take in what has come, and give it to the pages."""
+        """Read the new messages and send the scans to the pages; ``now`` is wall time [s]."""
         if self._reconciled != (self._graph.version, self._changes):
             self._reconciled = self._graph.version, self._changes
             self._reconcile()
@@ -201,7 +201,7 @@ class ScanSender:
                     page.set_state("scan", text)
 
     def _place(self, scan: LaserScan, poses: deque[tuple[int, str, Pose3]]) -> list[float] | None:
-        """The echoes in the world, x and y in turn [m]; None when it is not known where the laser was."""
+        """Return the scan's points in the world, alternating x and y [m]; None if the laser's pose is unknown."""
         stamp = scan.header.stamp.ns
         before = next((each for each in reversed(poses) if each[0] <= stamp), None)
         if before is None:

@@ -14,7 +14,7 @@ FILE_TEXT = "SQLite file of the saved values; empty or :memory: keeps them for t
 
 
 class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A change of a set at a simulation time, for this run only."""
+    """A change of a parameter set at a simulation time [s], for this run only."""
 
     at: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})]
     set: str

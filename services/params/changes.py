@@ -1,4 +1,4 @@
-"""Plans changes of a parameter set before they are applied: announcements, migration, set, reset, undo."""
+"""Plans changes of a parameter set before they are applied: announcement, migration, set, reset, undo."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from services.runtime.errors import BadInput, nearest, unknown_name
 from services.runtime.parameters.schema import renamed_choice, violations
 
 _MAX_HINTS = 10
-"""Unknown saved values for which a similar name is looked up: each is compared with all names."""
+"""Maximum unknown saved values for which a similar name is searched: each is compared with all names."""
 
 
 @dataclass(frozen=True)
 class Migration:
     """Saved values fitted to a schema.
 
-    ``saved`` are the values that count now, ``names`` those that changed, with a text for each; ``waiting`` has a text
-    for each value of a parameter that no running node has.
+    ``saved`` are the values after migration, ``names`` the parameters whose value changed, with a text for each in
+    ``texts``; ``waiting`` has a text for each value of a parameter that no running node has.
     """
 
     saved: Mapping[str, Value]
@@ -34,8 +34,8 @@ def migrate(saved: Mapping[str, Value], schema: Schema) -> Migration:
     """Fit saved values to the schema.
 
     An int becomes a float, and a whole float an int; a renamed choice gets its new name. A value outside new bounds is
-    dropped, not clamped, since a bound is not a chosen value. A value whose parameter no running node has is kept: its
-    node may start later, and a parameter that was renamed loses nothing.
+    dropped, not clamped, since nobody chose the bound. A value whose parameter no running node has is kept: its node
+    may start later, and the value of a renamed parameter is not lost.
     """
     kept: dict[str, Value] = {}
     names: list[str] = []
@@ -77,8 +77,8 @@ def _fitted(described: ParameterDescription, value: Value) -> Value:
 class AnnounceResult:
     """The set after an announcement.
 
-    ``migrated`` names the saved values that changed; ``warnings`` has a text for each value that does not fit, and
-    ``waiting`` for each saved value that no running node has. ``schema_changed`` and ``values_changed`` say which
+    ``migrated`` names the saved values that changed; ``warnings`` has a text for each changed or dropped value, and
+    ``waiting`` for each saved value that no running node has. ``schema_changed`` and ``values_changed`` select the
     messages to publish.
     """
 
@@ -91,12 +91,12 @@ class AnnounceResult:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The notes for subscribers."""
+        """All notes, for subscribers."""
         return (*self.warnings, *self.waiting)
 
 
 def apply_announcement(before: SetState, joined: SetState, asked: Announcement) -> AnnounceResult:
-    """Apply an announcement to the set ``before``; ``joined`` is the same with the schema that it gave."""
+    """Apply an announcement to the set ``before``; ``joined`` is the same set with the new schema."""
     joined = replace(joined, run={**_remembered_run_values(before, asked), **joined.run})
     migration = migrate(joined.saved, joined.schema)
     run, dropped = _fitting_run_values(joined)
@@ -116,7 +116,7 @@ def apply_announcement(before: SetState, joined: SetState, asked: Announcement) 
 
 
 def _remembered_run_values(before: SetState, asked: Announcement) -> dict[str, Value]:
-    """The run's values that a node still has from before this service was restarted."""
+    """Return the run values that a node kept over a restart of this service."""
     if asked.node in before.schema.announced:
         return {}
     live = {each.name for each in asked.parameters if each.live}
@@ -124,7 +124,7 @@ def _remembered_run_values(before: SetState, asked: Announcement) -> dict[str, V
 
 
 def _fitting_run_values(state: SetState) -> tuple[dict[str, Value], list[str]]:
-    """The run's values that fit the schema, and a text for each that does not."""
+    """Return the run values that fit the schema, and a text for each that does not."""
     kept: dict[str, Value] = {}
     dropped = []
     for name, value in state.run.items():
@@ -146,7 +146,7 @@ def _differs(before: SetState, after: SetState) -> bool:
 Layer = dict[str, Value]
 
 MAX_VIOLATIONS = 10
-"""Violations that one refusal names."""
+"""Maximum violations listed in one refusal."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class UndoPatch:
 
 @dataclass(frozen=True)
 class Change:
-    """A set before and after a change of the parameters ``names``. ``run`` means that nothing of it is saved."""
+    """A set before and after a change of the parameters ``names``. ``run`` means that it changes no saved value."""
 
     before: SetState
     after: SetState
@@ -175,10 +175,10 @@ class Change:
 
 
 def plan_set(state: SetState, asked: SetParameters) -> Change:
-    """Set all values of a request or none; raises BadInput that names the violations, up to MAX_VIOLATIONS.
+    """Plan to set all values of a request or none; raises BadInput that lists up to MAX_VIOLATIONS violations.
 
-    A value takes effect at once. Where the command line gives another, which would win, the value also counts for this
-    run, and a note says so.
+    A value takes effect at once. If the command line has another value, which would take precedence, the new one is
+    also set for this run, with a note.
     """
     if not state.schema.parameters:
         raise BadInput(not_announced_text(state))
@@ -225,9 +225,9 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
 
 
 def plan_reset(state: SetState, asked: ResetParameters) -> Change:
-    """Forget the set values of the given names, or of all.
+    """Plan to reset the given parameters, or all of them.
 
-    Raises BadInput for an unknown name, and when the values that then count would violate a constraint.
+    Raises BadInput for an unknown name, and if the resulting values would violate a constraint.
     """
     known = {*state.schema.parameters, *state.saved, *state.run}
     for name in asked.names:
@@ -242,7 +242,7 @@ def plan_reset(state: SetState, asked: ResetParameters) -> Change:
 
 
 def plan_undo(state: SetState, back: UndoPatch, for_run: bool) -> Change:
-    """Restore the layers of an earlier state; raises BadInput when a value no longer fits, alone or with others."""
+    """Plan to restore the layers before a change; raises BadInput if a value no longer fits, alone or with others."""
     saved, run = dict(state.saved), dict(state.run)
     for name in back.names:
         for layer, old in ((saved, back.saved), (run, back.run)):
@@ -260,7 +260,7 @@ def plan_undo(state: SetState, back: UndoPatch, for_run: bool) -> Change:
 
 
 def plan_new_run(state: SetState) -> Change | None:
-    """Forget the values of one run at the start of the next; None when there are none."""
+    """Plan to drop the run values at the start of the next run; returns None if there are none."""
     if not state.run:
         return None
     names = tuple(state.run)
@@ -270,13 +270,13 @@ def plan_new_run(state: SetState) -> Change | None:
 
 
 def not_announced_text(state: SetState) -> str:
-    """Why nothing can be set in a set that no node has announced."""
+    """Return the error text for setting a parameter in a set that no node has announced."""
     kept = f" (saved values are kept for it: {', '.join(state.saved)})" if state.saved else ""
     return f"no running service has announced {state.name}{kept}: start it first"
 
 
 def _check_constraints(change: Change) -> Change:
-    """The change; raises BadInput if a parameter that it touches then violates a constraint."""
+    """Return the change; raises BadInput if a parameter that it changes would violate a constraint."""
     after = change.after
     values = {name: each.value for name, each in after.effective_values().items()}
     found = violations(after.schema.parameters.values(), values, frozenset(change.names))

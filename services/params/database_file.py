@@ -1,4 +1,4 @@
-"""The SQLite file of the parameter service: its tables, its lock, the check for damage, and files of format 1."""
+"""The SQLite file of the parameter service: tables, lock, check for damage, and conversion of format 1."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from services.runtime.atomic_file import fsync_path
 from services.runtime.errors import BadInput
 
 APPLICATION_ID = 0x456C6561
-"""SQLite's application id of these files: ``Elea``."""
+"""SQLite application id of these files: ``Elea``."""
 FORMAT_VERSION = 2
 """The version of the tables. Files of format 1 are converted when they are opened."""
 
@@ -43,8 +43,8 @@ PRAGMA user_version = {FORMAT_VERSION};
 """
 """``lasting`` marks the changes that an undo may revert; ``value``, ``change`` and ``back`` are JSON.
 
-The ``_copy`` indexes hold every row a second time. SQLite's integrity check compares both, and so finds a damaged
-value as well as a damaged page.
+The ``_copy`` indexes contain every row a second time. SQLite's integrity check compares both copies, and so detects
+damaged values as well as damaged pages.
 """
 
 _OPTIONS = "--params PATH of ./elea up, --param file=PATH of the service"
@@ -54,10 +54,10 @@ _MAGIC = b"SQLite format 3\0"
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold the file while no other parameter service does; create it first if there is none.
+    """Lock the file against other parameter services and check it; create it first if there is none.
 
     Raises:
-        BadInput: It cannot be written, is in use, is damaged, or is not such a file. It stays as it was.
+        BadInput: It cannot be written, is in use, is damaged, or is another kind of file. It stays unchanged.
     """
     try:
         if not path.exists():
@@ -80,7 +80,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Open a locked file, durable at every commit, and convert it if it has format 1; raises sqlite3.Error."""
+    """Open a locked file with durable commits, and convert it if it has format 1; raises sqlite3.Error."""
     connection = sqlite3.connect(f"{path.absolute().as_uri()}?mode=rw", uri=True, isolation_level=None, timeout=2.0)
     try:
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -98,7 +98,7 @@ def connect(path: Path) -> sqlite3.Connection:
 
 
 def _create(path: Path) -> None:
-    """Make an empty file, whole or not at all."""
+    """Create an empty file atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     log = _log_of(path)
     if log.exists() and log.stat().st_size:
@@ -140,9 +140,9 @@ def _check_header(handle: int, path: Path) -> None:
 
 
 def _check_content(path: Path) -> None:
-    """Raise BadInput for a format that is not known, and for damage.
+    """Raise BadInput for an unknown format or damage.
 
-    The file is opened for reading only, and so is its write-ahead log, which a killed service may have left.
+    The file is opened read-only, and so is its write-ahead log, which a killed service may have left.
     """
     log = _log_of(path)
     view = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
@@ -164,7 +164,7 @@ def _check_content(path: Path) -> None:
 
 
 def _find_damage(connection: sqlite3.Connection, version: int) -> str:
-    """A description of the damage, empty for none; raises sqlite3.Error when the file cannot be read at all."""
+    """Return a description of the damage, empty for none; raises sqlite3.Error if the file is unreadable."""
     for (text,) in connection.execute("PRAGMA integrity_check(1)"):
         if text != "ok":
             return str(text)
@@ -176,7 +176,7 @@ def _find_damage(connection: sqlite3.Connection, version: int) -> str:
 
 
 def _tables(connection: sqlite3.Connection) -> set[tuple[str, str]]:
-    """Tables and indexes with their definitions."""
+    """Return the names and definitions of tables and indexes."""
     return set(connection.execute("SELECT name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'"))
 
 
@@ -201,7 +201,7 @@ _TABLES_1 = {
     "history": ('"set", change, back', ", id, run, undone, lasting"),
     "requests": ("id, digest, reply, run", ""),
 }
-"""The tables of format 1 that are kept: the columns that a row's checksum ``seal`` covers, and the others."""
+"""The tables kept from format 1: the columns covered by a row's checksum ``seal``, and the others."""
 
 
 def _find_damage_1(connection: sqlite3.Connection) -> str:
@@ -217,7 +217,7 @@ def _checksum_1(*parts: Any) -> str:
 
 
 def _convert_format_1(connection: sqlite3.Connection) -> None:
-    """Convert a file of format 1 in one transaction: its values, history and replies stay."""
+    """Convert a file of format 1 in one transaction, keeping its values, history and replies."""
     renamed = "".join(f"ALTER TABLE {table} RENAME TO {table}_1;" for table in _TABLES_1)
     copied = "".join(
         f"INSERT INTO {table} ({sealed}{more}) SELECT {sealed}{more} FROM {table}_1 ORDER BY rowid;"

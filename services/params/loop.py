@@ -1,4 +1,4 @@
-"""The loop of the parameter service: the topics of each set, requests, and scheduled changes."""
+"""The loop of the parameter service: topics of the parameter sets, requests, and scheduled changes."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ from services.runtime.parameters.tree import ParameterTree
 from services.runtime.publisher import Publisher
 
 MAX_CLOSING = 100
-"""Sets whose publishers wait to be closed; beyond that number, the first is closed at once."""
+"""Maximum sets whose publishers wait to be closed; beyond that, the first is closed at once."""
 _TICKS = 2
 
 
 class SetPublishers:
-    """Two latched topics for each set.
+    """The publishers of two latched topics for each parameter set.
 
-    In lockstep, members learn the numbers of the last messages at the end of the tick in which they were sent, and wait
-    for them from the next tick on: a publisher that closed before would leave them waiting. Otherwise it closes
+    In lockstep, members get the numbers of the last messages at the end of the tick in which they were sent, and wait
+    for them from the next tick on: a publisher closed before then would leave them waiting. Otherwise it is closed
     ``at_once``.
     """
 
@@ -103,9 +103,9 @@ class SetPublishers:
 
 
 CLOCK_PATIENCE_S = 20.0
-"""Wall time without a first clock before the log says so: this service starts before the simulation."""
+"""Wall time [s] without a first clock before a warning: this service starts before the simulation."""
 SET_TIMEOUT_NS = 10_000_000_000
-"""Simulation time after which the log warns of a scheduled change whose set is still missing."""
+"""Simulation time [ns] after which a scheduled change whose set is still missing causes a warning."""
 
 
 def run(ctx: Context[ParamsParameters]) -> None:
@@ -151,7 +151,7 @@ def _serve_tree(ctx: Context[ParamsParameters], initial: ParameterTree) -> Param
 
 
 class _TreePublication:
-    """Publishes the tree once after the requests of a turn of the loop."""
+    """Publishes the tree once after all requests of a turn of the loop."""
 
     def __init__(self, tree: ParameterTreeServer) -> None:
         self._tree = tree
@@ -194,7 +194,7 @@ def _run_schedule(
 
 
 def _apply(ctx: Context[ParamsParameters], server: ParameterServer, due: Scheduled) -> str:
-    """Make a change; returns why it was not made, empty when it was."""
+    """Apply a scheduled change; returns the reason if it was refused, else an empty text."""
     values = tuple(Assignment(name=name, value=value) for name, value in due.values.items())
     try:
         server.set(SetParameters(set=due.set, values=values, run=True, who=f"schedule at {due.at:g} s"))
@@ -232,7 +232,7 @@ def _check_schedule(schedule: tuple[Scheduled, ...]) -> None:
 
 
 def _own_announcement(ctx: Context[ParamsParameters]) -> Announcement:
-    """This service's own set, which shows where values are saved."""
+    """Return the announcement of this service's own set, which shows where values are saved."""
     file = ParameterDescription(name="file", type="str", default="", live=False, text=FILE_TEXT)
     given = (Assignment(name="file", value=ctx.params.file),) if ctx.params.file else ()
     return Announcement(set=ctx.node_name, node=ctx.node_name, parameters=(file,), command_line=given)

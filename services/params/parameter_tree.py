@@ -1,4 +1,4 @@
-"""The tree of ROS 1's parameters: the requests that read and change it, and the topic that shows it."""
+"""The server of the ROS 1 parameter tree: its requests, and the topic on which the tree is published."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from services.runtime.errors import BadInput, did_you_mean
 from services.runtime.parameters.tree import ParameterTree, checked_value, parse_json, same_value, value_to_json
 
 MAX_WRITERS = 1000
-"""Nodes whose last change is remembered; the one that has changed nothing for the longest time is forgotten."""
+"""Maximum nodes whose last change is remembered; the one idle for the longest time is forgotten."""
 MAX_QUEUED = 10_000
-"""Changes that wait for a tick."""
+"""Maximum changes that wait for a tick."""
 
 
 class _Change(NamedTuple):
-    """A change that waits for its tick; they are made in this order."""
+    """A change that waits for its tick; changes are applied in the order of time, writer and number."""
 
     time: int
     writer: str
@@ -41,11 +41,11 @@ class _Change(NamedTuple):
 
 
 class ParameterTreeServer:
-    """The one owner of the tree.
+    """Owns the tree.
 
-    A change with a time waits for the first tick after it: the changes of a tick of lockstep come in any order, and are
-    made in that of their times and writers. Those of the time 0, from before time began, are made at the first tick.
-    All others count at once.
+    A change with a time waits for the first tick after it: changes of one lockstep tick arrive in any order, and are
+    applied in the order of their times and writers. Those of time 0, from before simulation time started, are applied
+    at the first tick after 0. Changes without a time are applied at once.
 
     Args:
         publish: Publishes the tree.
@@ -60,7 +60,7 @@ class ParameterTreeServer:
         self._queue: list[_Change] = []
 
     def set(self, asked: RosparamSet) -> Done:
-        """Set a value or branch."""
+        """Set a value or branch; raises BadInput."""
         value = checked_value(asked.key, parse_json(asked.key, asked.value))
         if asked.key.strip("/") == "" and not isinstance(value, dict):
             raise BadInput("/: the root of the tree takes a map of names to values alone")
@@ -68,7 +68,7 @@ class ParameterTreeServer:
         return self._change(asked, value, f"{asked.key} is set", deletes=False)
 
     def delete(self, asked: RosparamDelete) -> Done:
-        """Delete a value or branch."""
+        """Delete a value or branch; raises BadInput."""
         if not asked.key.strip("/"):
             raise BadInput("/: the root of the tree cannot be deleted; set it to {} to empty it")
         if asked.time is None:
@@ -76,7 +76,7 @@ class ParameterTreeServer:
         return self._change(asked, None, f"{asked.key} is deleted", deletes=True)
 
     def get(self, asked: RosparamGet) -> RosparamValue:
-        """A value or branch."""
+        """Return a value or branch; raises BadInput."""
         return RosparamValue(
             value=value_to_json(self._find(asked.key)),
             revision=self._revision,
@@ -84,19 +84,19 @@ class ParameterTreeServer:
         )
 
     def has(self, asked: RosparamKey) -> Bool:
-        """Whether there is a value or branch."""
+        """Return whether there is a value or branch."""
         return Bool(data=self._tree.has(asked.key))
 
     def search(self, asked: RosparamSearch) -> RosparamKey:
-        """The nearest key from a namespace upwards."""
+        """Return the nearest key from a namespace upwards; empty if there is none."""
         return RosparamKey(key=self._tree.search(asked.namespace, asked.key) or "")
 
     def names(self, _: Empty) -> RosparamNames:
-        """The names of all values."""
+        """Return the names of all values."""
         return RosparamNames(names=tuple(self._tree.names()))
 
     def tick(self, now: int, reset: bool) -> None:
-        """Make the changes of earlier times than ``now`` [ns]; after a reset of time, all that wait."""
+        """Apply the changes of times before ``now`` [ns]; after a reset of time, all waiting ones."""
         before = max(now, 1)
         due = sorted((each for each in self._queue if reset or each.time < before), key=lambda each: each[:3])
         self._queue = [] if reset else [each for each in self._queue if each.time >= before]
@@ -105,7 +105,7 @@ class ParameterTreeServer:
         self.publish_changes()
 
     def publish_changes(self) -> None:
-        """Publish the tree if it has changed since it was last published."""
+        """Publish the tree if it has changed since the last publication."""
         if self._dirty:
             self._dirty = False
             writers = tuple(RosparamWriter(node=node, number=number) for node, number in self._writers.items())
@@ -144,7 +144,7 @@ class ParameterTreeServer:
         self._dirty = True
 
     def _check_room(self, text: str) -> None:
-        """Raise BadInput where a value would make the tree too large to be published."""
+        """Raise BadInput if a value would make the tree too large to be published."""
         if (size := self._tree.size() + len(text)) > MAX_TREE_BYTES:
             raise BadInput(
                 f"the tree of parameters would have {size} characters, {MAX_TREE_BYTES} is the most; "
@@ -153,7 +153,7 @@ class ParameterTreeServer:
 
 
 def read_tree_file(file: str) -> ParameterTree:
-    """The tree in a JSON file, empty when none is named; raises BadInput."""
+    """Read a tree from a JSON file; an empty tree for an empty name. Raises BadInput."""
     if not file:
         return ParameterTree()
     try:

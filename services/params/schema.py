@@ -1,4 +1,4 @@
-"""The schema of a parameter set, merged from its nodes' announcements, and its layers of values."""
+"""The schema of a parameter set, merged from its nodes' announcements, and the layers of its values."""
 
 from __future__ import annotations
 
@@ -46,29 +46,29 @@ class Schema:
     command_line: Mapping[str, Value] = field(default_factory=dict)
 
     def with_node(self, announcement: Announcement) -> Schema:
-        """The schema with a node's announcement in place of its earlier one; raises ParameterConflict."""
+        """Return the schema with a node's new announcement; raises ParameterConflict."""
         others = {node: each for node, each in self.announced.items() if node != announcement.node}
         for other in others.values():
             _check_agreement(announcement, other)
         return merge_announcements((*others.values(), announcement))
 
     def without_node(self, node: str) -> Schema:
-        """The schema without a node's announcement."""
+        """Return the schema without a node's announcement."""
         return merge_announcements(each for name, each in self.announced.items() if name != node)
 
     def to_message(self, name: str) -> ParameterSchema:
-        """The message that describes the set ``name``."""
+        """Return the message that describes the set ``name``."""
         return ParameterSchema(set=name, nodes=tuple(self.announced), parameters=tuple(self.parameters.values()))
 
     def description(self, name: str, where: str) -> ParameterDescription:
-        """The description of a parameter; raises BadInput with the nearest name."""
+        """Return the description of a parameter; raises BadInput with the nearest name."""
         if name not in self.parameters:
             raise unknown_name("parameter", name, self.parameters, where)
         return self.parameters[name]
 
 
 def merge_announcements(announcements: Iterable[Announcement]) -> Schema:
-    """The schema of announcements that agree."""
+    """Merge announcements that agree into a schema."""
     ordered = sorted(announcements, key=lambda each: each.node)
     return Schema(
         {each.node: each for each in ordered},
@@ -79,7 +79,7 @@ def merge_announcements(announcements: Iterable[Announcement]) -> Schema:
 
 
 def validate_announcement(announcement: Announcement) -> Announcement:
-    """The announcement with its values converted to their parameters' types; raises BadInput if it is inconsistent."""
+    """Return the announcement with values converted to their parameters' types; raises BadInput if inconsistent."""
     where = f"announcement of {announcement.node or 'nobody'}"
     for what, name in (("set", announcement.set), ("node", announcement.node)):
         try:
@@ -135,7 +135,7 @@ def _validate_description(described: ParameterDescription, where: str) -> Parame
 
 
 def _excludes_all(described: ParameterDescription, low: float, high: float) -> bool:
-    """Whether the bounds allow no value, for an int no whole number."""
+    """Return whether the bounds allow no value, for an int no whole number."""
     if described.type.startswith("int"):
         first = math.floor(low) + 1 if described.above else math.ceil(low)
         last = math.ceil(high) - 1 if described.below else math.floor(high)
@@ -194,12 +194,12 @@ def _check_agreement(new: Announcement, old: Announcement) -> None:
 
 
 MOST_NOTES = 20
-"""Notes about clamped, converted and dropped values in one message."""
+"""Maximum notes about clamped, converted and dropped values in one message."""
 
 
 @dataclass(frozen=True)
 class SetState:
-    """A set at one revision. ``saved`` may hold values of parameters that no running node has."""
+    """A set at one revision. ``saved`` may contain values of parameters that no running node has."""
 
     name: str
     schema: Schema = field(default_factory=Schema)
@@ -208,7 +208,7 @@ class SetState:
     revision: int = 0
 
     def parameter(self, name: str) -> Parameter:
-        """The value of a parameter that counts: the latest of default, fleet, saved, command line and run."""
+        """Return the effective value of a parameter; precedence: run, command line, saved, fleet, default."""
         layers: tuple[tuple[Origin, Mapping[str, Value]], ...] = (
             ("run", self.run),
             ("command line", self.schema.command_line),
@@ -222,15 +222,15 @@ class SetState:
         return Parameter(name=name, value=None if described is None else described.default)
 
     def effective_values(self) -> dict[str, Parameter]:
-        """All effective values; of a set that no node has announced, the saved ones."""
+        """Return all effective values; for a set that no node has announced, the saved ones."""
         return {name: self.parameter(name) for name in self.schema.parameters or self.saved}
 
     def unannounced(self) -> tuple[str, ...]:
-        """Names with a saved value that no running node has."""
+        """Return the names of saved values whose parameter no running node has."""
         return tuple(name for name in self.saved if name not in self.schema.parameters)
 
     def to_message(self, level: int = ALL_LEVELS, notes: Iterable[str] = ()) -> ParameterValues:
-        """The message with its values, and notes for subscribers."""
+        """Return the message with the effective values, and notes for subscribers."""
         return ParameterValues(
             set=self.name,
             revision=self.revision,
@@ -246,7 +246,7 @@ def _join_notes(notes: tuple[str, ...]) -> str:
 
 
 def changed_levels(before: SetState, after: SetState) -> int:
-    """The union of the levels of the parameters that changed or are new."""
+    """Return the bitwise OR of the levels of the parameters that changed or are new."""
     old, level = before.effective_values(), 0
     for name, now in after.effective_values().items():
         if name not in old or not same_value(old[name].value, now.value):
@@ -256,5 +256,5 @@ def changed_levels(before: SetState, after: SetState) -> int:
 
 
 def same_value(one: Value, other: Value) -> bool:
-    """Whether values and their types are equal: 1, 1.0 and true all differ."""
+    """Return whether values and their types are equal: 1, 1.0 and true all differ."""
     return repr(one) == repr(other)

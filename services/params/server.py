@@ -1,4 +1,4 @@
-"""The parameter server: keeps all sets, answers requests about them, and writes every change before it counts."""
+"""The parameter server: keeps all sets, answers requests, and saves every change before it is applied."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from services.runtime.errors import BadInput, unknown_name
 from services.runtime.log import Log
 
 MAX_SETS = 1000
-"""Sets that a node has announced, or of which something is saved."""
+"""Maximum sets that a node has announced or that have saved values."""
 MAX_NODES = 100
-"""Nodes that share a set."""
+"""Maximum nodes that share a set."""
 MAX_BYTES = 64 << 20
-"""Bytes of all announcements that are kept: 6,000 robot bases."""
+"""Maximum bytes of all kept announcements: 6,000 robot bases."""
 MAX_LIST_BYTES = 6 << 20
-"""Bytes of one answer about all sets; a link carries 8 MiB in one message."""
+"""Maximum bytes of one reply about all sets; a link carries messages of up to 8 MiB."""
 MAX_DROPPED = 100
-"""Announcements of dead nodes that are dropped at once: each is published."""
+"""Maximum announcements of dead nodes dropped at once: each removal is published."""
 LIVENESS_PERIOD_S = 5.0
-"""Wall time between two checks for dead nodes when there is no room."""
+"""Wall time [s] between two checks for dead nodes when a limit is reached."""
 MAX_HISTORY_BYTES = 2 << 20
-"""Bytes of one answer about the history."""
+"""Maximum bytes of one reply about the history."""
 _read_reply = decoder(ParameterValues)
 
 Publish = Callable[[ParameterSchema | ParameterValues], None]
@@ -57,15 +57,15 @@ Kind = Literal["set", "load", "reset", "undo", "migrated"]
 class ParameterServer:
     """All parameter sets, and the only place that changes them.
 
-    A change is written, then counts, then is published, then answered. A set that no node announces any more, and of
-    which nothing is saved, is forgotten; its history stays.
+    A change is first saved, then applied, published and answered. A set that no node announces any longer and that has
+    no saved values is removed; its history stays.
 
     Args:
         store: The saved values and the history.
         publish: Publishes a set's schema or values.
         log: The node's log.
-        now: Simulation time, ns.
-        live_nodes: The names of the nodes on the network.
+        now: Returns the simulation time [ns].
+        live_nodes: Returns the names of the nodes on the network.
         unpublish: Closes the publishers of a set.
     """
 
@@ -88,13 +88,13 @@ class ParameterServer:
 
     @property
     def announced_sets(self) -> set[str]:
-        """The sets that a node has announced, also by the names of nodes that share one set alone."""
+        """The names of announced sets, and of nodes that have announced exactly one set."""
         sets = {name for name, state in self._sets.items() if state.schema.announced}
         nodes = Counter(node for name in sets for node in self._sets[name].schema.announced)
         return sets | {node for node, count in nodes.items() if count == 1}
 
     def announce(self, asked: Announcement) -> ParameterValues:
-        """Add a node's parameters to a set and return the values that count; raises BadInput if they do not fit."""
+        """Add a node's parameters to a set and return the effective values; raises BadInput if they do not fit."""
         if asked.leaves:
             return self._remove_node(self._find_set(asked.set).name, asked.node)
         asked = validate_announcement(asked)
@@ -121,7 +121,7 @@ class ParameterServer:
         return after.to_message(notes=result.notes)
 
     def list(self, asked: Empty) -> ParameterSets:
-        """Every set; one that no node has announced has no nodes and no parameters."""
+        """Return all sets; one that no node has announced has no nodes and no parameters. Raises BadInput."""
         if (size := sum(sum(each.values()) for each in self._sizes.values())) > MAX_LIST_BYTES:
             raise BadInput(
                 f"{len(self._sets)} sets of {size} bytes: an answer has at most {MAX_LIST_BYTES}; "
@@ -131,7 +131,7 @@ class ParameterServer:
         return ParameterSets(sets=tuple(each.schema.to_message(each.name) for each in shown))
 
     def get(self, asked: ParameterSet) -> ParameterValues:
-        """The values of a set that count."""
+        """Return the effective values of a set."""
         state = self._find_set(asked.set)
         notes = [f"{name} is saved, but no running node has such a parameter" for name in state.unannounced()]
         if not state.schema.announced:
@@ -139,13 +139,13 @@ class ParameterServer:
         return state.to_message(notes=notes)
 
     def set(self, asked: SetParameters) -> ParameterValues:
-        """Change several parameters, all or none."""
+        """Set parameters, all or none."""
         return self._idempotent(
             asked, lambda: self._apply(plan_set(self._find_set(asked.set), asked), asked, asked.kind)
         )
 
     def reset(self, asked: ResetParameters) -> ParameterValues:
-        """Forget set values."""
+        """Reset parameters to their values without ``set``."""
         return self._idempotent(
             asked, lambda: self._apply(plan_reset(self._find_set(asked.set), asked), asked, "reset")
         )
@@ -155,7 +155,7 @@ class ParameterServer:
         return self._idempotent(asked, lambda: self._undo(asked))
 
     def history(self, asked: HistoryOf) -> ParameterHistory:
-        """The changes, newest first, as many as fit into one answer."""
+        """Return the changes, newest first, as many as fit into one reply."""
         name = self._find_set(asked.set).name if asked.set else ""
         changes, size = [], 0
         for each in self._store.changes(name, asked.limit):
@@ -166,7 +166,7 @@ class ParameterServer:
         return ParameterHistory(changes=tuple(changes))
 
     def new_run(self) -> None:
-        """Forget the values of the run: the simulation was reset."""
+        """Drop the run values after a reset of the simulation."""
         for state in list(self._sets.values()):
             change = plan_new_run(state)
             if change is not None:
@@ -178,7 +178,7 @@ class ParameterServer:
             self._log.error(str(error))
 
     def _find_set(self, name: str) -> SetState:
-        """The set of this name, or that of the node of this name; raises BadInput."""
+        """Return the set with this name, or that of the node with this name; raises BadInput."""
         state = self._sets.get(name) or self._restored_set(name)
         if state is not None:
             return state
@@ -190,15 +190,14 @@ class ParameterServer:
         raise unknown_name("set of parameters", name, self._sets)
 
     def _restored_set(self, name: str) -> SetState | None:
-        """A set of which only the history is known: its revisions go on, so that each of them means one change."""
+        """Return a set known only by its history, continuing its revisions so that each identifies one change."""
         revision = self._store.revision(name)
         return SetState(name, revision=revision) if revision else None
 
     def _make_room(self, asked: Announcement, size: int) -> None:
-        """Raise BadInput when there is no room for one more announcement.
+        """Raise BadInput if an announcement exceeds the limits, after dropping the nodes that died without leaving.
 
-        Nodes that died without leaving are dropped only then: a set must not lose its values because a link was down
-        for a moment.
+        They are dropped only then: a set must not lose its values because a link was down for a moment.
         """
         reason = self._no_room_reason(asked, size)
         if reason and time.monotonic() - self._last_liveness_check > LIVENESS_PERIOD_S:
@@ -212,7 +211,7 @@ class ParameterServer:
             raise BadInput(f"{asked.set}: {reason}")
 
     def _no_room_reason(self, asked: Announcement, size: int) -> str:
-        """Why there is no room for an announcement; empty when there is."""
+        """Return which limit an announcement exceeds, as an error text; empty if none."""
         state = self._sets.get(asked.set)
         if state is None and len(self._sets) >= MAX_SETS:
             idle = sum(not each.schema.announced for each in self._sets.values())
@@ -229,7 +228,7 @@ class ParameterServer:
         return ""
 
     def _with_announcement(self, state: SetState, asked: Announcement) -> SetState:
-        """The set with the node's announcement; a conflict with a node that is gone is decided for the new one."""
+        """Return the set with the node's announcement; in a conflict with a node that is gone, the new one wins."""
         while True:
             try:
                 return replace(state, schema=state.schema.with_node(asked))
@@ -240,7 +239,7 @@ class ParameterServer:
                 state = replace(state, schema=state.schema.without_node(conflict.other_node))
 
     def _remove_node(self, name: str, node: str) -> ParameterValues:
-        """Remove a node that follows a set no longer. Saved values stay, values of the run go."""
+        """Remove a node that has left a set. Saved values stay; run values that no other node has are dropped."""
         state = self._find_set(name)
         if node not in state.schema.announced:
             return state.to_message()
@@ -254,7 +253,7 @@ class ParameterServer:
         return left.to_message()
 
     def _forget(self, state: SetState) -> None:
-        """Forget a set that no node announces and of which nothing is saved."""
+        """Remove a set that no node announces and that has no saved values."""
         if state.schema.announced or state.saved or self._sets.get(state.name) is not state:
             return
         for known in (self._sets, self._sizes):
@@ -262,7 +261,7 @@ class ParameterServer:
         self._unpublish(state.name)
 
     def _idempotent(self, asked: ChangeRequest, carry_out: Callable[[], ParameterValues]) -> ParameterValues:
-        """Carry a request out, unless that was done already under its id: then return the same answer."""
+        """Carry out a request once per id; a repeated one gets the same reply."""
         known = self._store.reply(asked.id) if asked.id else None
         if known is None:
             return carry_out()
@@ -283,7 +282,7 @@ class ParameterServer:
         return self._apply(change, asked, "undo", undoable.id)
 
     def _apply(self, change: Change, asked: ChangeRequest, kind: Kind, undoes: int | None = None) -> ParameterValues:
-        """Write, then count, then publish, then answer."""
+        """Save a change, apply and publish it, and return the reply."""
         after = change.after
         reply = after.to_message(changed_levels(change.before, after), change.notes)
         _check_size(reply, UPDATES.largest)
@@ -310,7 +309,7 @@ class ParameterServer:
         undoes: int | None = None,
         request: RequestReply | None = None,
     ) -> None:
-        """Write a change with its entry in the history; raises SaveError, and it does not count."""
+        """Save a change with its entry in the history; raises SaveError."""
         before, after = change.before, change.after
         record = ParameterChange(
             set=after.name,
@@ -326,7 +325,7 @@ class ParameterServer:
         self._store.write(change, record, undoable=undoable, undoes=undoes, request=request)
 
     def _try_write(self, change: Change, kind: Kind, who: str) -> None:
-        """Write a change that counts even if it cannot be written; the next start repeats it."""
+        """Save a change that is applied even if it cannot be saved; the next start repeats it."""
         try:
             self._write(change, kind, who)
         except SaveError as error:
@@ -334,7 +333,7 @@ class ParameterServer:
 
 
 def _check_size(record: ParameterSchema | ParameterValues, largest: int) -> None:
-    """Raise BadInput for a message that its subscribers would refuse."""
+    """Raise BadInput for a message too large for its subscribers."""
     if (size := len(encode(record))) > largest:
         raise BadInput(
             f"{record.set} would have {size} bytes in a message, the limit is {largest}; nothing was changed"

@@ -18,13 +18,13 @@ from services.params.database_file import SCHEMA, connect, locked
 from services.runtime.errors import BadInput, EleaError
 
 MEMORY = ":memory:"
-"""In place of a file's name: values are kept in memory, as without any file."""
+"""File name that keeps values in memory only, like an empty one."""
 KEPT_REQUESTS = 4096
-"""Replies kept for clients that ask again; a retry comes within seconds."""
+"""Maximum replies kept for clients that repeat a request; a retry follows within seconds."""
 KEPT_CHANGES = 50_000
-"""Changes kept, of all sets together; older ones can be neither listed nor undone."""
+"""Maximum changes kept of all sets together; older ones can be neither listed nor undone."""
 KEPT_BYTES = 32 << 20
-"""Bytes of replies, and of changes, that are kept; the oldest go first."""
+"""Maximum bytes of kept replies, and of kept changes; the oldest are deleted first."""
 _PRUNE_WRITES, _PRUNE_BYTES = 256, KEPT_BYTES // 8
 """Writes, or bytes written, between two deletions of old entries."""
 
@@ -32,11 +32,11 @@ _read_value = msgspec.json.Decoder(Value).decode
 
 
 class SaveError(EleaError):
-    """A change could not be written; it does not count."""
+    """A change could not be written, and is not applied."""
 
 
 class Undoable(NamedTuple):
-    """A change that an undo may revert, or has ``undone`` already."""
+    """A change that an undo may revert, or has reverted already (``undone``)."""
 
     id: int
     patch: UndoPatch
@@ -45,7 +45,7 @@ class Undoable(NamedTuple):
 
 
 class RequestReply(NamedTuple):
-    """A request that was carried out: its id, a digest of its content, and the reply."""
+    """A completed request: its id, a digest of its content, and the reply."""
 
     id: str
     digest: str
@@ -54,7 +54,7 @@ class RequestReply(NamedTuple):
 
 @contextmanager
 def open_store(file: str) -> Iterator[Store]:
-    """Open the store in a file, or in memory when none is named; raises BadInput for a file that cannot be used."""
+    """Open the store in a file, or in memory if none is named; raises BadInput if the file cannot be used."""
     if file in ("", MEMORY):
         connection = sqlite3.connect(MEMORY, isolation_level=None)
         connection.executescript(SCHEMA)
@@ -79,8 +79,8 @@ def open_store(file: str) -> Iterator[Store]:
 class Store:
     """Reads and writes the tables; a change is on the disk when ``write`` returns.
 
-    After each commit the write-ahead log is moved into the file and emptied before the request is answered: all
-    acknowledged changes are in the file itself, and a lost, torn or corrupted log has none of them. It costs 0.5 ms.
+    After each commit, the write-ahead log is moved into the file and emptied before the request is answered: all
+    acknowledged changes are in the file itself, so none is lost with a damaged log. This costs 0.5 ms.
     """
 
     def __init__(self, connection: sqlite3.Connection) -> None:
@@ -89,19 +89,19 @@ class Store:
         self._run_since = 0
 
     def saved(self) -> dict[str, dict[str, Value]]:
-        """The saved values of all sets, in the order in which they were first set."""
+        """Return the saved values of all sets, in the order in which they were first set."""
         found: dict[str, dict[str, Value]] = {}
         for where, name, value in self._db.execute('SELECT "set", name, value FROM saved ORDER BY rowid'):
             found.setdefault(where, {})[name] = _read_value(value)
         return found
 
     def reply(self, request: str) -> RequestReply | None:
-        """The request that was carried out under this id."""
+        """Return the completed request with this id, or None."""
         row = self._db.execute("SELECT id, digest, reply FROM requests WHERE id = ?", (request,)).fetchone()
         return None if row is None else RequestReply(*row)
 
     def changes(self, name: str, limit: int) -> Iterator[ParameterChange]:
-        """The newest changes of a set, or of all sets for an empty name."""
+        """Yield the newest changes of a set, or of all sets for an empty name."""
         rows = self._db.execute(
             """SELECT change, undone FROM history WHERE ?1 = '' OR "set" = ?1 ORDER BY id DESC LIMIT ?2""",
             (name, limit),
@@ -110,14 +110,14 @@ class Store:
             yield msgspec.structs.replace(_read_change(change), undone=bool(undone))
 
     def revision(self, name: str) -> int:
-        """The revision that the newest change of a set made; 0 for a set without a history."""
+        """Return the revision made by the newest change of a set; 0 for a set without a history."""
         row = self._db.execute(
             'SELECT change FROM history WHERE "set" = ? ORDER BY id DESC LIMIT 1', (name,)
         ).fetchone()
         return 0 if row is None else _read_change(row[0]).revision
 
     def last_undoable(self, name: str) -> Undoable | None:
-        """The newest change of a set that was not undone yet."""
+        """Return the newest change of a set that was not undone yet, or None."""
         row = self._db.execute(
             'SELECT id, back, run, undone FROM history WHERE "set" = ? AND lasting AND NOT undone '
             "ORDER BY id DESC LIMIT 1",
@@ -126,7 +126,7 @@ class Store:
         return None if row is None else self._undoable(*row)
 
     def undoable(self, name: str, revision: int) -> Undoable | None:
-        """The change of a set that made a revision, without the parameters that later changes have touched."""
+        """Return the change of a set that made a revision, without the parameters changed since; None if unknown."""
         touched: set[str] = set()
         rows = self._db.execute(
             'SELECT change, id, back, run, undone FROM history WHERE "set" = ? AND lasting ORDER BY id DESC', (name,)
@@ -148,17 +148,17 @@ class Store:
         undoes: int | None = None,
         request: RequestReply | None = None,
     ) -> None:
-        """Write a change, whole or not at all.
+        """Write a change in one transaction.
 
         Args:
             change: The set before and after.
-            record: What the history says of it.
+            record: Its entry in the history.
             undoable: Whether an undo may revert it.
             undoes: The id of the change that it reverts, if it is an undo.
-            request: The request that asked for it, for clients that ask again.
+            request: The request that caused it, kept for clients that repeat it.
 
         Raises:
-            SaveError: It could not be written, and does not count.
+            SaveError: It could not be written; nothing of it is saved.
         """
         with self._transaction(record.set):
             self._write_saved(change)
@@ -178,7 +178,7 @@ class Store:
             self._note_written(sum(map(len, texts)) + (len(request.reply) if request is not None else 0))
 
     def forget_run(self) -> None:
-        """A run has ended: its own changes are no longer undone nor counted as carried out; raises SaveError."""
+        """End a run: its run-only changes can no longer be undone, and their replies are deleted; raises SaveError."""
         with self._transaction("the end of a run"):
             self._db.execute("UPDATE history SET lasting = 0 WHERE run AND lasting")
             self._db.execute("DELETE FROM requests WHERE run")
@@ -187,7 +187,7 @@ class Store:
 
     @contextmanager
     def _transaction(self, what: str) -> Iterator[None]:
-        """One transaction, on the disk at its end; raises SaveError, and then nothing of it counts."""
+        """Run one transaction, which is on the disk at its end; raises SaveError after rolling it back."""
         try:
             self._db.execute("BEGIN IMMEDIATE")
             yield

@@ -15,18 +15,18 @@ _TYPE = re.compile(r"(bool|int|float|str)((?:\[\]){0,2})")
 _INT_LIMIT = 2**63
 _MAX_NOTES = 100
 _MAX_TEXT_LENGTH = 65_536
-"""Characters of a text, as in a message."""
+"""Maximum characters of a text, as in a message."""
 
 
 class FittedValue(NamedTuple):
-    """A value that fits, and notes about its conversion."""
+    """A valid value, and notes about its conversion."""
 
     value: Value
     notes: tuple[str, ...] = ()
 
 
 def parse_type(type_name: str) -> tuple[str, int] | None:
-    """``float[][]`` as ("float", 2), or None when it is not a parameter type."""
+    """Parse ``float[][]`` into ("float", 2); returns None if it is not a parameter type."""
     found = _TYPE.fullmatch(type_name)
     return (found[1], len(found[2]) // 2) if found else None
 
@@ -50,7 +50,7 @@ def fit(description: ParameterDescription, value: Value, clamp: bool = False) ->
 
 
 def describe_expected(description: ParameterDescription) -> str:
-    """The type and the allowed values: ``float, 0 to 5 m/s``."""
+    """Describe the type and the allowed values: ``float, 0 to 5 m/s``."""
     what = [
         description.type + (" or null" if description.optional else ""),
         describe_range(description),
@@ -121,7 +121,7 @@ def _check_length(description: ParameterDescription, value: Any, where: str, lev
 
 
 def _choice_of(description: ParameterDescription, value: Any) -> Any:
-    """The choice that stands for ``value``; ``value`` itself if it is a choice, or none stands for it."""
+    """Return the choice whose value is ``value``; ``value`` itself if it is a choice or there is none."""
     if isinstance(value, bool) or value in description.choices:
         return value
     named = zip(description.choices, description.choice_values, strict=False)
@@ -129,7 +129,7 @@ def _choice_of(description: ParameterDescription, value: Any) -> Any:
 
 
 def _is_same(text: str, value: str | float) -> bool:
-    """Whether a text and a value are equal, as numbers if both are."""
+    """Return whether a text and a value are equal, compared as numbers if both are numbers."""
     try:
         return float(text) == float(value)
     except ValueError:
@@ -147,7 +147,7 @@ def _fit_text(description: ParameterDescription, value: str, where: str) -> str:
 
 
 def _list_choices(description: ParameterDescription) -> str:
-    """The choices, each with what it stands for if that is something else."""
+    """List the choices, each with its value if they have values."""
     if not description.choice_values:
         return ", ".join(description.choices)
     return ", ".join(f"{a} ({b})" for a, b in zip(description.choices, description.choice_values, strict=False))
@@ -173,7 +173,7 @@ def _fit_number(description: ParameterDescription, value: float, where: str, not
     if _too_low(description, nearest) or _too_high(description, nearest):
         why = "the bound itself is excluded" if excluded else "no value lies within"
         raise BadInput(f"{_out_of_bounds_text(description, value, where)}; it cannot be clamped, {why}")
-    few = len(notes) < _MAX_NOTES  # more are not shown, and a list may have thousands
+    few = len(notes) < _MAX_NOTES  # further ones are not shown, and a list may have thousands
     notes.append(f"{where} = {value!r} was clamped to {nearest!r} ({describe_range(description)})" if few else where)
     return nearest
 
@@ -193,7 +193,7 @@ def _too_high(description: ParameterDescription, value: float) -> bool:
 
 
 def format_value(value: Any) -> str:
-    """A value for an error message, cut to a readable length."""
+    """Format a value for an error message, truncated to 80 characters."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}..."
 

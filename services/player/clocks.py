@@ -1,4 +1,4 @@
-"""The clocks that pace a bag: wall clock, a running simulation, or lockstep; and the publisher of /clock."""
+"""The clocks that pace playback: wall clock, a running simulation, or lockstep; and the publisher of /clock."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ class ClockPublisher:
         self.now = SimTime()
 
     def restart(self) -> None:
-        """Start the bag again, in a new epoch."""
+        """Prepare to play the bag again, in a new epoch."""
         self._base += self._segment + 1
         self._segment, self._next = -1, None
 
     def epoch_of(self, segment: int) -> int:
-        """The epoch that is published for a segment of the bag."""
+        """Return the epoch published for a segment of the bag."""
         return self._base + segment
 
     def ticks_until(self, bag_time: BagTime) -> Iterator[BagTime]:
-        """The generated ticks up to and including a bag time."""
+        """Yield the generated ticks up to and including a bag time."""
         if bag_time.segment != self._segment:
             self._segment, self._next = bag_time.segment, None
         if not self._period:
@@ -77,9 +77,9 @@ class ClockPublisher:
 
 
 CLOCK_TIMEOUT_S = 2.0
-"""Wall time without a message of the simulation's clock after which a warning is logged."""
+"""Wall time [s] without a message of the simulation's clock after which a warning is logged."""
 POLL_PERIOD_S = 0.02
-"""Wall time between two polls of requests and subscribers."""
+"""Wall time [s] between two polls of requests and subscribers."""
 
 
 class PlaybackClock(Protocol):
@@ -99,7 +99,7 @@ class PlaybackClock(Protocol):
 
 
 class WallClock:
-    """Plays at ``rate`` times wall time, without waiting if that is 0; can be paused by request."""
+    """Plays at ``rate`` times wall time, as fast as possible if that is 0; can be paused by request."""
 
     def __init__(self, node: Node, rate: float, clock_publisher: ClockPublisher) -> None:
         self._node, self._rate, self._clock_publisher = node, rate, clock_publisher
@@ -145,9 +145,9 @@ class WallClock:
 
 
 class SimClock:
-    """Plays at ``rate`` times the time of a running simulation, and stops while that is paused.
+    """Plays at ``rate`` times the time of a running simulation, and waits while that is paused.
 
-    ``elapsed`` [ns] is the simulation time since the bag began.
+    ``elapsed`` [ns] is the simulation time since the start of playback.
     """
 
     def __init__(self, ctx: Context[Any], rate: float) -> None:
@@ -157,7 +157,7 @@ class SimClock:
         self.elapsed, self._origin, self._last_received = 0, -1, time.monotonic()
 
     def start(self) -> None:
-        self._update()  # the wait for subscribers does not count
+        self._update()  # discards the time of the wait for subscribers
         self.elapsed, self._origin = 0, -1
 
     def wait_until(self, bag_time: BagTime) -> None:
@@ -187,7 +187,7 @@ class SimClock:
 class LockstepClock:
     """Plays in lockstep: waits for the members at each of their ticks, as a simulation does.
 
-    Their messages count at their next tick with ``latency`` 1, at once with 0; it should be that of the recorded run.
+    Their messages are admitted at their next tick with ``latency`` 1, at once with 0; use that of the recorded run.
     """
 
     def __init__(
@@ -218,7 +218,7 @@ class LockstepClock:
         epoch = self._clock_publisher.epoch_of(bag_time.segment)
         if self._next is not None and epoch != self._epoch:
             self._step()
-            self._barrier.collect_reports(0)  # as at a reset: the old time line ends before the new one begins
+            self._barrier.collect_reports(0)  # as at a reset: the old timeline ends before the new one begins
             self._next = None
         if self._next is None:
             self._next, self._epoch = -(-bag_time.time // STEP_NS) * STEP_NS, epoch
@@ -254,7 +254,7 @@ class LockstepClock:
             self._barrier.collect_reports(self._next)
 
     def _throttle(self, bag_time: BagTime) -> None:
-        """Wait for wall time if a rate is given."""
+        """Wait until wall time, scaled by the rate, reaches a bag time; at rate 0, do nothing."""
         if self._origin < 0:
             self._origin = bag_time.position
         if self._rate:

@@ -1,4 +1,4 @@
-"""The player's loop: selects and advertises topics, waits for subscribers, and publishes message after message."""
+"""The player's loop: selects and advertises topics, waits for subscribers, and publishes the messages in turn."""
 
 from __future__ import annotations
 
@@ -31,17 +31,15 @@ from services.runtime.publisher import Publisher
 from services.runtime.transport.wire import publisher_id
 
 _FLUSH_CYCLES = 3
-"""Idle cycles of 0.1 s in which the last messages are sent."""
+"""Number of idle cycles of 0.1 s in which the last messages are sent."""
 
 
 _DISCOVERY_S = 1.5
-"""Wall time to discover a running simulation: with two clocks, time would jump back and forth for all nodes. Where a
-router says who is there, it ends once the tokens of these nodes have had time to arrive.
-"""
+"""Wall time [s] to discover a running simulation: with two clocks, time would jump back and forth for all nodes."""
 
 
 class PlaybackIncomplete(EleaError):
-    """A part of the bag was not played, or no node subscribed."""
+    """A part of the bag was not played, or topics had no subscribers."""
 
 
 def run(ctx: Context[PlayerParameters]) -> None:
@@ -111,7 +109,7 @@ def _playback_clock(
 
 
 def _other_clock_publisher(node: Node) -> str:
-    """The node that already publishes simulation time; empty if none is found within _DISCOVERY_S."""
+    """Return the node that already publishes simulation time; empty if none is found within _DISCOVERY_S."""
     known = known_nodes(node.transport)
     deadline = time.monotonic() + _DISCOVERY_S
     is_complete = False
@@ -146,7 +144,7 @@ def _await_subscribers(ctx: Context[PlayerParameters], publishers: Publishers) -
 
 
 def _has_subscriber(output: Publisher[Any]) -> bool:
-    """Whether a publisher has subscribers; False for latched ones, which always seem to have some."""
+    """Return whether a publisher has subscribers; False for latched ones, which always report some."""
     return output.has_subscribers and output.topic.quality.name != "LATCHED"
 
 
@@ -181,7 +179,7 @@ class Publishers:
         return [self._publishers[channel, b""] for channel in self._topics]
 
     def publish(self, timed: TimedMessage) -> None:
-        """Publish a message on its channel, by its sender's publisher."""
+        """Publish a message on its channel, with the publisher of its sender."""
         output = self._publishers.get((timed.channel, timed.sender)) or self._add(timed.channel, timed.sender)
         if isinstance(timed.message, bytes):
             output.publish_encoded(timed.message)

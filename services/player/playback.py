@@ -1,4 +1,4 @@
-"""Prepares a bag's messages for playback: selects topics, decodes, assigns bag times, cuts to the requested span."""
+"""Prepares a bag's messages for playback: selects topics, decodes, assigns bag times, and limits the time span."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from services.player import PlayerParameters
 from services.runtime.errors import BadInput, unknown_name
 
 PROCESS_TYPES = frozenset(each.ROS_TYPE for each in (Health, FleetState, ParameterSchema, ParameterValues))
-"""Types about processes of the recorded run: played only if their topics are named."""
+"""Types about the processes of the recorded run: played only if their topics are named."""
 
 
 class Selection(NamedTuple):
-    """Channels to play, their sidecars, and for other topics the reasons why they cannot be played."""
+    """Channels to play, all sidecars, and for other topics the reasons why they cannot be played."""
 
     played: tuple[Channel, ...]
     sidecars: tuple[Channel, ...]
@@ -32,7 +32,7 @@ class Selection(NamedTuple):
 
 
 def select(channels: Iterable[Channel], params: PlayerParameters) -> Selection:
-    """Select what to play; raises BadInput for names that are not in the bag, and if nothing is left."""
+    """Select the channels to play; raises BadInput for names that are not in the bag, and if nothing is left."""
     channels = list(channels)
     if not channels:
         raise BadInput(f"{params.bag} holds no messages")
@@ -63,7 +63,7 @@ def select(channels: Iterable[Channel], params: PlayerParameters) -> Selection:
 
 
 def is_clock(channel: Channel) -> bool:
-    """Whether a channel carries simulation time."""
+    """Return whether a channel carries simulation time."""
     return channel.name == CLOCK.name and channel.type == CLOCK.record.ROS_TYPE
 
 
@@ -81,17 +81,17 @@ class StaticTransforms:
         self._by_child: dict[str, TransformStamped] = {}
 
     def merge(self, message: TFMessage) -> TFMessage:
-        """The message with all frames of earlier ones; its own transforms take precedence."""
+        """Return the message with all frames of earlier ones; its own transforms take precedence."""
         self._by_child |= {each.child_frame_id.removeprefix("/"): each for each in message.transforms}
         return TFMessage(transforms=tuple(self._by_child.values()))
 
 
 SIM_PARAMETER_UPDATES = "/sim/parameter_updates"
-"""Topic of a simulation's parameters, which a fleet's recording has unless it was excluded."""
+"""Topic of a simulation's parameters, included in a fleet's recording unless excluded."""
 
 
 def recorded_latency(bag: Bag) -> int | None:
-    """The recorded run's latency, 0 or 1, where 0 includes runs without lockstep; None if the bag lacks it."""
+    """Return the recorded run's latency in ticks, 0 or 1 (0 also without lockstep); None if the bag lacks it."""
     if not any(each.name == SIM_PARAMETER_UPDATES and not unreadable_reason(each) for each in bag.channels()):
         return None
     decoder = MessageDecoder()
@@ -125,7 +125,7 @@ class TimedMessage(NamedTuple):
 
 
 class Playback:
-    """Reads ``bag`` any number of times, from ``start`` on and for ``duration`` [s], to the end if that is 0.
+    """Reads ``bag`` any number of times, from ``start`` [s] on and for ``duration`` [s], to the end if that is 0.
 
     ``undecodable`` counts messages that do not match their type, ``out_of_range`` those after MAX_TIME_NS, by topic.
     """
@@ -138,7 +138,7 @@ class Playback:
         self.out_of_range: Counter[str] = Counter()
 
     def messages(self) -> Iterator[TimedMessage]:
-        """The selected messages from ``start`` on, preceded by those latched before it."""
+        """Yield the selected messages from ``start`` on, preceded by those latched before it."""
         latched: dict[tuple[Channel, bytes], TimedMessage] = {}
         first: BagTime | None = None
         for timed in self._all():

@@ -1,4 +1,4 @@
-"""Writes received messages to a bag, in order, with their times, as CDR, and counts what is lost."""
+"""Writes received messages to a bag as CDR, in order and with their times, and counts lost ones."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from services.runtime.subscriber import Subscriber
 from services.runtime.transport.wire import NODE_BYTES, SampleInfo
 
 MAX_STAMP_OFFSET_NS = 1_000_000_000
-"""Maximum difference between a message's stamp and the clock; other stamps are ignored."""
+"""Maximum difference [ns] between a message's stamp and the clock; other stamps are ignored."""
 
 
 class PublishTimes:
-    """Assigns simulated times by following ``/clock``; without a clock they are wall times."""
+    """Assigns simulation times from ``/clock``; without a clock, wall times."""
 
     def __init__(self) -> None:
         self.clock: int | None = None
 
     def publish_time(self, message: object, log_time: int, has_clock: bool) -> int:
-        """The simulated time [ns] of a message: its stamp if it is near the clock, else the clock.
+        """Return the simulation time [ns] of a message: its stamp if it is near the clock, else the clock.
 
         Args:
             message: the message, or its payload if its type is unknown.
@@ -55,12 +55,12 @@ class PublishTimes:
 
 
 def receive_time(source_ns: int | None, since: int, now: int) -> int:
-    """The wall time [ns] of a message: when it was sent, clamped to the span in which it must have arrived."""
+    """Return the wall time [ns] of a message: its send time, clamped to the span in which it must have arrived."""
     return now if source_ns is None else min(max(source_ns, since), now)
 
 
 REORDER_DELAY_S = 0.1
-"""Wall time that a message is held back for earlier ones that are still on their way."""
+"""Wall time [s] that a message is held back for earlier ones that are still on their way."""
 
 ReceivedMessage = tuple[Subscriber[Any], Any, SampleInfo | None]
 """A subscriber, one of its messages, and the message's sender, time and number if known."""
@@ -81,7 +81,7 @@ class ReorderBuffer:
         )
 
     def drain(self, wall: int, end: bool) -> list[tuple[int, ReceivedMessage]]:
-        """Messages that are REORDER_DELAY_S older than ``wall`` [ns], with their times; all at the ``end``."""
+        """Return messages at least REORDER_DELAY_S older than ``wall`` [ns], with their times; all at the ``end``."""
         self._since = wall if end else max(self._since, wall - round(REORDER_DELAY_S * 1e9))
         self._waiting.sort(key=_receive_time)
         due = bisect_right(self._waiting, self._since, key=_receive_time)
@@ -94,9 +94,9 @@ def _receive_time(entry: tuple[int, ReceivedMessage]) -> int:
 
 
 LOW_DISK_FACTOR = 10
-"""A warning is logged when less than this multiple of a bag's disk reserve is free."""
+"""A warning is logged if less than this multiple of a bag's disk reserve is free."""
 DISK_CHECK_PERIOD_S = 10.0
-"""Wall time between two checks of the disk."""
+"""Wall time [s] between two checks of the disk."""
 _UNKNOWN_SENDER = b"foreign"
 """Stands for all publishers that do not identify themselves."""
 
@@ -120,7 +120,7 @@ class BagRecorder:
         self.write_error = ""
 
     def record_tick(self, now: int) -> None:
-        """Record the samples admitted at a tick of lockstep, at simulated time ``now`` [ns].
+        """Record the samples admitted at a lockstep tick, at simulation time ``now`` [ns].
 
         The other members read the same samples at this tick, and a replay repeats them. The order is the same in every
         run.
@@ -133,7 +133,7 @@ class BagRecorder:
                 self._write(source, self._decoded(source, message), origin, wall, now)
 
     def record_remaining(self, now: int) -> None:
-        """Record what arrived after the last tick, at simulated time ``now`` [ns], with times after that tick.
+        """Record what arrived after the last tick, at simulation time ``now`` [ns], with times after that tick.
 
         No member has read it yet. A message without a stamp is placed 1 ns after the last clock before it, between two
         steps.
@@ -164,11 +164,11 @@ class BagRecorder:
 
     @property
     def now(self) -> int:
-        """Simulated time [ns] of the last clock message; 0 without one."""
+        """Simulation time [ns] of the last clock message; 0 without one."""
         return self._publish_times.clock or 0
 
     def flush_due(self) -> None:
-        """Write a chunk if it is time to, and warn of lost messages."""
+        """Write a chunk if it is due, and warn about lost messages."""
         try:
             self._bag.flush_due()
         except OSError as error:
@@ -195,7 +195,7 @@ class BagRecorder:
         return {name: source.lost for name, source in sorted(self._subscriptions.by_topic.items()) if source.lost}
 
     def _decoded(self, source: Subscriber[Any], message: Any) -> Any:
-        """The message of a payload whose type was learned after its topic was subscribed to; else what was given."""
+        """Decode a payload whose type was learned after its topic was subscribed to; return others unchanged."""
         if source.name not in self._subscriptions.raw:
             return message
         name = source.topic.record.ROS_TYPE
@@ -218,7 +218,7 @@ class BagRecorder:
             self._log.warn(f"{topic} {problem}")
 
     def _learn(self) -> None:
-        """Learn the types that scripts announce, and the names of frames, by which robot descriptions are prefixed."""
+        """Learn the types that scripts announce, and the frame names from which robot descriptions get a prefix."""
         self._subscriptions.learn_interfaces()
         for topic in (TF, TF_STATIC):
             if (
@@ -227,7 +227,7 @@ class BagRecorder:
                 self._urdf_prefixer.add_frames(message for message, _ in source.messages)
 
     def _update_clock(self) -> None:
-        """Read clock messages once more: subscribers are drained in turn, and time may have gone on meanwhile."""
+        """Read clock messages once more: subscribers are drained in turn, and time may have advanced meanwhile."""
         clock = self._subscriptions.clock
         early = clock.messages
         clock.update()
@@ -266,7 +266,7 @@ class BagRecorder:
             self._log.warn(f"{name}: a message does not fit its ROS type and is not recorded: {error}", every=5.0)
 
     def _additional_sender(self, name: str, origin: SampleInfo | None) -> bytes:
-        """The node that sent a message, empty for the first node on the topic.
+        """Return the node that sent a message, empty for the first node on the topic.
 
         A late subscriber gets the last message of each node; a restarted node replaces its former self.
         """

@@ -1,4 +1,4 @@
-"""The recorder's loop: at the ticks of lockstep, otherwise as messages arrive."""
+"""The recorder's loop: records at lockstep ticks, otherwise as messages arrive."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from services.runtime.step import period_of
 
 
 class RecordingIncomplete(EleaError):
-    """The recording is incomplete."""
+    """Messages are missing from the recording, because the disk refused them."""
 
 
 def run(ctx: Context[RecorderParameters]) -> None:
@@ -58,7 +58,7 @@ def _record_ticks(ctx: Context[RecorderParameters], subscriptions: Subscriptions
 
 
 def _record_messages(ctx: Context[RecorderParameters], subscriptions: Subscriptions, recorder: BagRecorder) -> None:
-    """Record messages as they arrive, since simulated time may stand still or not exist."""
+    """Record messages as they arrive, since simulation time may stand still or not exist."""
     ctx.node.declare_stepping(period_of(100, lockstep=False))
     ctx.node.heartbeat.state = "running"
     while True:

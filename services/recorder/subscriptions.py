@@ -48,9 +48,9 @@ _KINDS: tuple[Kind, ...] = ("pub", "sub")
 
 
 class Subscriptions:
-    """Subscribers of the selected topics, ``by_topic``; those in ``raw`` had types that were unknown then.
+    """Subscribers of the selected topics, ``by_topic``; the types of those in ``raw`` were unknown when subscribed.
 
-    ``clock`` is subscribed to whether it is recorded or not.
+    ``clock`` is always subscribed to, recorded or not.
     """
 
     def __init__(self, node: Node, topic_filter: TopicFilter) -> None:
@@ -64,7 +64,7 @@ class Subscriptions:
         self._interfaces: Subscriber[Any] | None = None
 
     def learn_interfaces(self) -> None:
-        """Know the types that scripts have announced since the last update of the node's subscribers."""
+        """Learn the types that scripts have announced since the last update of the node's subscribers."""
         if self._interfaces is not None:
             learn_interfaces((message for message, _ in self._interfaces.messages), self._node.log.warn)
 
@@ -75,7 +75,7 @@ class Subscriptions:
                 self._subscribe(Entity.parse(key))
 
     def update(self) -> None:
-        """Subscribe to new topics, and set ``has_clock`` when a node publishes ``/clock``."""
+        """Subscribe to new topics, and set ``has_clock`` if a node publishes ``/clock``."""
         for watch in self._watches:
             while (event := watch.poll()) is not None:
                 if event.alive:
@@ -83,7 +83,7 @@ class Subscriptions:
 
     @property
     def missing(self) -> list[str]:
-        """Topics that are named in the parameters and have no publisher or subscriber."""
+        """Topics named in the parameters that have no publisher or subscriber."""
         return sorted(self._filter.named - self.by_topic.keys())
 
     def _subscribe(self, entity: Entity | None) -> None:

@@ -1,8 +1,8 @@
 """Adds a robot's frame prefix to the links of its recorded description, as on ``/tf``.
 
-On the bus a description is that of the model, and readers add the prefix, which ROS 2's robot_state_publisher has in
-``frame_prefix``. A viewer that opens the bag cannot know it. rerun 0.41 uses link names as frames and the robot's name
-as the path of its shapes: of four robots of one model it shows one, and a link without a transform empties its view.
+On the bus, a description is that of the model, and subscribers add the prefix (robot_state_publisher's ``frame_prefix``
+in ROS 2). A viewer that opens the bag cannot know it. rerun 0.41 uses link names as frames and the robot's name as the
+path of its shapes: it shows one of four robots of the same model, and a link without a transform empties its view.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ class UrdfPrefixer:
         self._frames: set[str] = set()
 
     def add_frames(self, messages: Iterable[TFMessage]) -> None:
-        """Note the child frames of transforms."""
+        """Add the child frames of transforms."""
         for message in messages:
             self._frames.update(each.child_frame_id.removeprefix("/") for each in message.transforms)
 
     def apply(self, topic: str, message: Message) -> tuple[Message, Message | None]:
-        """A message of the absolute name ``topic`` as it should be recorded, and a sidecar with its text if changed.
+        """Return a message on the absolute ``topic`` as it should be recorded, and a sidecar with its text if changed.
 
-        Other messages than robot descriptions are returned unchanged.
+        Messages other than robot descriptions are returned unchanged.
         """
         namespace, _, name = topic.rpartition("/")
         if name != ROBOT_DESCRIPTION.name or not isinstance(message, String):
@@ -47,7 +47,7 @@ class UrdfPrefixer:
         return String(data=prefix_links(message.data, prefix)), StringExtra(data=message.data)
 
     def _prefix(self, namespace: str, links: list[str]) -> str:
-        """The prefix of a robot's frames: its namespace, unless the known frames have another one."""
+        """Return the prefix of a robot's frames: its namespace, unless the known frames have another one."""
         wanted = f"{namespace}/" if namespace else ""
         if any(link.startswith(wanted) for link in links if wanted):
             return ""
@@ -59,7 +59,7 @@ class UrdfPrefixer:
 
 
 def prefix_links(urdf: str, prefix: str) -> str:
-    """Add ``prefix`` to the link names of a URDF and name the robot by it; joints keep their names, as in joint states.
+    """Add ``prefix`` to the link names of a URDF and name the robot after it; joints keep their names.
 
     ``urdf`` must be one that ``models.urdf.parse_urdf`` accepts.
     """

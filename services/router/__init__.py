@@ -1,4 +1,4 @@
-"""The router: the meeting point of a machine's nodes, and the link to other machines."""
+"""The router service: connects the nodes of a machine with each other and with other machines."""
 
 from services.runtime import Parameters, Service, param
 

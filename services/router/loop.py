@@ -1,4 +1,4 @@
-"""The router's loop: the session itself routes; the loop sends heartbeats and answers new nodes with the node list."""
+"""The router's loop: sends heartbeats and answers new nodes with the node list; Zenoh's session does the routing."""
 
 from __future__ import annotations
 

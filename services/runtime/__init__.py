@@ -1,4 +1,4 @@
-"""All that a controller needs: ``from services.runtime import CMD_VEL, ODOM, Twist, main``."""
+"""The public API for controllers: ``from services.runtime import CMD_VEL, ODOM, Twist, main``."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -104,7 +104,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> Any:
-        """What opens a network, loaded when it is asked for: a ``--help`` has no use for it."""
+        """Import the classes that need the network on first use: ``--help`` runs without them."""
         if name in ("Context", "Tick"):
             from services.runtime import context
 

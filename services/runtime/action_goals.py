@@ -1,4 +1,4 @@
-"""The goals of an action server and their states, with actionlib's semantics; no messages are sent here."""
+"""The goals of an action server and their states, with actionlib's semantics; sends no messages."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from messages.actionlib import GoalID, GoalStatus, Status
 from messages.std import SECOND, Time
 
 FORGET_AFTER_NS = 5 * SECOND
-"""For so long a goal that has ended stays in the list; actionlib's ``status_list_timeout``."""
+"""Simulation time [ns] that an ended goal stays in the list; actionlib's ``status_list_timeout``."""
 MAX_GOALS = 200
-"""Goals in the list; beyond, those that ended first are forgotten early."""
+"""Maximum goals in the list; beyond that, those that ended first are removed early."""
 
 
 @dataclass
@@ -23,7 +23,7 @@ class _Goal:
 
 @dataclass
 class Goals:
-    """The goals that were received, by id. Times are simulation time, ns.
+    """The received goals by id. Times are simulation time [ns].
 
     ``changed`` is set by every change of a state, until its owner publishes the list.
     """
@@ -35,10 +35,10 @@ class Goals:
     _now: int = 0
 
     def receive(self, asked: GoalID, name: str, now: int) -> GoalID | None:
-        """Take note of a goal; None for one that is known already.
+        """Add a received goal; returns None if it is known already.
 
-        The goal is PENDING, or RECALLED at once when it was cancelled before it came. One without an id gets one of
-        ``name`` and a number, one without a stamp the present time.
+        The goal becomes PENDING, or RECALLED at once if it was cancelled before it arrived. A goal without an id gets
+        one made of ``name``, a number and the time; one without a stamp gets the present time.
         """
         self._follow_time(now)
         self._received += 1
@@ -58,13 +58,13 @@ class Goals:
         return goal
 
     def accept(self, goal: str) -> None:
-        """A pending goal is followed from now on."""
+        """Set a pending goal to ACTIVE."""
         assert self._goals[goal].status is Status.PENDING
         self._goals[goal].status, self._goals[goal].text = Status.ACTIVE, "it is followed"
         self.changed = True
 
     def end(self, goal: str, status: Status, now: int, text: str) -> GoalStatus:
-        """A goal ends in a terminal state; returns that for its result."""
+        """Set a goal to a terminal state; returns its status for the result message."""
         assert status.terminal
         each = self._goals[goal]
         assert not each.status.terminal
@@ -73,10 +73,11 @@ class Goals:
         return self.status(goal)
 
     def cancel(self, asked: GoalID, now: int) -> list[str]:
-        """The goals that a cancellation means and that are not over yet.
+        """Process a cancel request; returns the goals to cancel that have not ended yet.
 
-        By actionlib's policy: neither id nor stamp means all; a stamp all up to it, also those yet to come; an id that
-        goal, also if it is yet to come; both the goal and all up to the stamp.
+        By actionlib's policy, neither id nor stamp cancels all goals; a stamp cancels all goals up to it, also those
+        yet to arrive; an id cancels that goal, also if it is yet to arrive; both cancel the goal and all up to the
+        stamp.
         """
         self._follow_time(now)
         stamp = asked.stamp.ns
@@ -96,22 +97,22 @@ class Goals:
         return meant
 
     def state(self, goal: str) -> Status | None:
-        """The state of a goal; None for one that is not known."""
+        """Return the state of a goal; None if it is unknown."""
         return self._goals[goal].status if goal in self._goals else None
 
     def status(self, goal: str) -> GoalStatus:
-        """The state of a known goal as it is sent."""
+        """Return the status message of a known goal."""
         each = self._goals[goal]
         return GoalStatus(goal_id=each.id, status=each.status.value, text=each.text)
 
     def list(self, now: int) -> tuple[GoalStatus, ...]:
-        """All goals that did not end long ago, oldest first."""
+        """Return the status of all goals, without those that ended more than FORGET_AFTER_NS ago, oldest first."""
         self._follow_time(now)
         self._forget(now)
         return tuple(self.status(each) for each in self._goals)
 
     def _follow_time(self, now: int) -> None:
-        """Forget what was before simulation time was set back."""
+        """Drop ended goals and past cancellations if simulation time was set back."""
         if now < self._now:
             self._goals = {goal: each for goal, each in self._goals.items() if not _over(each)}
             self._cancelled_upto = 0

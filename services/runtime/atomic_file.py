@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from pathlib import Path
 
 
 def write_atomic(path: Path, content: bytes, durable: bool = False, mode: int = 0o666) -> None:
-    """Replace a file's content: a reader, also after a crash of this process, finds either the old or the new one.
+    """Replace a file's content atomically: even after a crash of this process, a reader finds the old or the new one.
 
     Args:
         path: The file, in a folder that exists.
-        content: All of the new content.
-        durable: Also outlive a power cut: the content and the entry of the folder are on the disk at the return.
-            Without it, the file may be empty or old after one.
-        mode: The rights of the file, less those removed by the process's umask.
+        content: The whole new content.
+        durable: Survive a power cut: content and folder entry are synced to the disk before the return. Without it,
+            the file may be empty or old after one.
+        mode: The permissions of the file, less those removed by the process's umask.
 
     Raises:
         OSError: The file cannot be written; the old one is untouched.

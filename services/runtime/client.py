@@ -1,4 +1,4 @@
-"""A running fleet from Python: read topics, publish, make requests, set parameters, step paused time.
+"""Client of a running fleet: read topics, publish, call requests, set parameters, step paused simulation time.
 
     from services.runtime import CMD_VEL, ODOM, Twist, Vector3, connect
 
@@ -6,7 +6,7 @@
         fleet.publish(CMD_VEL.of("tb3_0"), Twist(linear=Vector3(x=0.1)), seconds=2.0)
         print(fleet.latest(ODOM.of("tb3_0")).pose.pose.position)
 
-It is for programs and notebooks that look in and out again; what drives a robot all the time is a service.
+It is for notebooks and short programs; write a service to drive a robot continuously.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
 TIMEOUT_S = 5.0
-"""Default wall time [s] to wait for a message, an answer, or the next step of simulation time."""
+"""Default wall time [s] to wait for a message, a reply, or the next step of simulation time."""
 PUBLISH_PERIOD_NS = 50_000_000
-"""Simulation time between two samples of a message that is repeated; a base stops after 0.5 s without one."""
+"""Simulation time [ns] between two samples of a repeated message; a base stops after 0.5 s without one."""
 _SETTLE_S = 0.3
-"""Wall time in which the links to the subscribers of a new publication come up."""
+"""Wall time [s] in which the links to the subscribers of a new publication are established."""
 
 
 def connect(fleet: str = "", port: int | None = None, router: str = "", domain: str = "") -> Client:
-    """Join a running fleet.
+    """Connect to a running fleet.
 
     Args:
         fleet: Its name; not needed if only one fleet is running.
@@ -59,7 +59,7 @@ def connect(fleet: str = "", port: int | None = None, router: str = "", domain: 
         The connection; ``close`` it, or use it in a ``with``.
 
     Raises:
-        BadInput: No fleet runs, or several and none is chosen.
+        BadInput: No fleet is running, or several are and none is chosen.
     """
     chosen = port_of_fleet(fleet, port) if fleet else port
     address = resolve_address(router, domain, chosen)
@@ -70,9 +70,10 @@ def connect(fleet: str = "", port: int | None = None, router: str = "", domain: 
 
 
 class Client:
-    """A connection to a running fleet. Its methods are called from one thread.
+    """A connection to a running fleet, for use by one thread.
 
-    ``folder`` is that of the run, which has the report after the end of the fleet; None for a fleet of another machine.
+    ``folder`` is the run's folder, which contains the report once the fleet has ended; None for a fleet on another
+    machine.
     """
 
     def __init__(self, node: LightNode, resources: ExitStack, folder: Path | None = None) -> None:
@@ -92,21 +93,21 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Leave the network; more than once does no harm."""
+        """Leave the network; further calls do nothing."""
         self._resources.close()
 
     def topics(self) -> dict[str, str]:
-        """The types of all topics in use, by name."""
+        """Return the ROS types of all topics in use, by name."""
         found = snapshot(self._transport)
         hidden = {each.node for each in found if each.node.rpartition("/")[2].startswith("_")}
         ends = [each for each in found if each.kind in ("pub", "sub") and each.node not in hidden]
         return {each.name: each.record for each in sorted(ends, key=lambda each: each.name)}
 
     def latest(self, topic: Topic[M], timeout: float = TIMEOUT_S) -> M:
-        """The newest message of a topic.
+        """Return the newest message of a topic.
 
         Args:
-            topic: As ``ODOM.of("tb3_0")``.
+            topic: For example ``ODOM.of("tb3_0")``.
             timeout: Wall time to wait for a first message [s].
 
         Raises:
@@ -123,15 +124,15 @@ class Client:
         return result
 
     def next(self, topic: Topic[M], timeout: float = TIMEOUT_S) -> M:
-        """The next message of a topic that comes from now on; raises NoAnswer after ``timeout`` [s] of wall time."""
+        """Return the next message that arrives on a topic; raises NoAnswer after ``timeout`` [s] of wall time."""
         self.messages(topic)
         self._last.pop(_identity(topic), None)
         return self.latest(topic, timeout)
 
     def messages(self, topic: Topic[M]) -> list[M]:
-        """The messages that have come since the last look at this topic, oldest first; the first look subscribes.
+        """Return the messages received since the last call for this topic, oldest first; the first call subscribes.
 
-        At most some 1,000 wait; of more, the oldest are lost.
+        Up to 1,024 are kept (8,192 of event topics, fewer of large messages); beyond that, the oldest are lost.
         """
         subscriber = self._subscriber(topic)
         subscriber.update()
@@ -143,7 +144,7 @@ class Client:
     def publish(self, topic: Topic[M], message: M, seconds: float = 0.0) -> None:
         """Publish a message once, or 20 times a second for ``seconds`` of simulation time.
 
-        A base stops when its last command is older than its timeout, so a drive takes ``seconds``.
+        A base stops when its last command is older than its timeout, so give ``seconds`` to keep it moving.
 
         Raises:
             NoAnswer: Simulation time does not advance.
@@ -160,22 +161,22 @@ class Client:
                 due = now + PUBLISH_PERIOD_NS
 
     def call(self, request: Request[Q, R], message: Q | None = None, timeout: float = TIMEOUT_S) -> R:
-        """Make a request and wait for its answer.
+        """Call a request and wait for its reply.
 
         Args:
-            request: As ``messages.requests.GET_STATE``.
-            message: The request record; an empty one by default.
-            timeout: Wall time to wait for the answer [s].
+            request: For example ``messages.requests.GET_STATE``.
+            message: The request record; one with default values if not given.
+            timeout: Wall time to wait for the reply [s].
 
         Raises:
             NoAnswer: It has no server, or was not answered in time.
-            CallFailed: It is refused; the text has the reason.
+            CallFailed: It was refused; the text has the reason.
         """
         asked: Any = request.request_type() if message is None else message
         return call(self._transport, request, key_of(request.name), asked, timeout)
 
     def time(self) -> float:
-        """Simulation time [s]."""
+        """Return the simulation time [s]."""
         return self._now() / 1e9
 
     def wait(self, seconds: float) -> None:
@@ -189,32 +190,32 @@ class Client:
         return self.call(PAUSE)
 
     def resume(self) -> SimTime:
-        """Let simulation time go on."""
+        """Resume simulation time."""
         return self.call(RESUME)
 
     def step(self, count: int = 1, timeout: float = 60.0) -> SimTime:
-        """Run physics steps of 5 ms while simulation time is paused; returns when they are done."""
+        """Run ``count`` physics steps of 5 ms while simulation time is paused; returns when they are done."""
         return self.call(STEP, Steps(count=count), timeout)
 
     def params(self, name: str) -> dict[str, Any]:
-        """The parameters of a node or parameter set by name; raises BadInput with the nearest name."""
+        """Return the parameters of a node or parameter set by name; raises BadInput with the nearest name."""
         client = self._parameters()
         return {each.name: each.value for each in client.values(client.find_set(name).set).values}
 
     def set_params(self, name: str, values: Mapping[str, Any], save: bool = True) -> dict[str, Any]:
-        """Set parameters of a node or set, all or none.
+        """Set parameters of a node or parameter set, all or none.
 
         Args:
-            name: The node or the set, as "/tb3_0/waypoint".
-            values: The values by parameter.
-            save: Whether they hold for later runs as well.
+            name: The node or the set, for example "/tb3_0/waypoint".
+            values: The new values by parameter name.
+            save: Whether to save them for later runs.
 
         Returns:
-            All parameters of the set, as ``params`` does.
+            All parameters of the set, like ``params``.
 
         Raises:
             BadInput: There is no such set.
-            CallFailed: A value is refused; the text has the bound.
+            CallFailed: A value was refused; the text has its bound.
         """
         client = self._parameters()
         changes = tuple(Assignment(name=each, value=value) for each, value in values.items())
@@ -230,7 +231,7 @@ class Client:
         return clock.clock.ns
 
     def _tick(self) -> int:
-        """The next simulation time [ns]; raises NoAnswer if it does not advance, or is reset."""
+        """Wait for the next clock and return its simulation time [ns]; raises NoAnswer if paused, silent or reset."""
         epoch = self._epoch
         try:
             clock = self.next(CLOCK)
@@ -271,7 +272,7 @@ class Client:
 
 
 def _absolute(topic: Topic[Any]) -> str:
-    """The topic's name from the root; a relative one has no node here that it would be relative to."""
+    """Return the topic's absolute name: relative names are resolved in the root; raises BadInput for private ones."""
     if topic.name.startswith("~"):
         raise BadInput(f"{topic.name} belongs to a node: use of() with the name of the node")
     return f"/{topic.name.removeprefix('/')}"

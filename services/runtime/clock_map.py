@@ -1,4 +1,4 @@
-"""Maps wall time to simulation time by the samples of ``/clock``, each of which has both."""
+"""Maps wall time to simulation time, from the samples of ``/clock``, each of which has both."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from bisect import bisect_left, bisect_right
 class ClockMap:
     """The send time of each clock sample by its sender's wall clock [ns], and its simulation time [ns].
 
-    Samples of one sender arrive in order. One that seems to be older than its predecessors means that the wall clock
-    was set back, or that a predecessor had a wrong stamp: all at or after it are dropped, and the map is correct again.
+    Samples of one sender arrive in order. If one seems older than its predecessors, the wall clock was set back, or a
+    predecessor had a wrong stamp: all samples at or after it are dropped, and the map is correct again.
     """
 
     def __init__(self, kept: int) -> None:
-        """``kept`` clocks are remembered at least, and twice as many at most."""
+        """Create a map that keeps at least ``kept`` samples, and at most twice as many."""
         self._kept = kept
         self._sent: list[int] = []
         self._times: list[int | None] = []
@@ -23,7 +23,7 @@ class ClockMap:
         self._sent, self._times = [], []
 
     def add(self, sent: int, time: int) -> bool:
-        """Take a clock; whether the wall clock was set back."""
+        """Add a clock sample (both times in ns); returns whether the wall clock was set back."""
         set_back = bool(self._sent) and sent < self._sent[-1]
         if self._sent and sent <= self._sent[-1]:
             place = bisect_left(self._sent, sent)
@@ -35,23 +35,24 @@ class ClockMap:
         return set_back
 
     def lose(self) -> None:
-        """A clock was lost after the last one: from then until the next one, time is unknown."""
+        """Mark a lost sample after the last one: from the last to the next one, simulation time is unknown."""
         if self._times:
             self._times[-1] = None
 
     def past(self, moment: int) -> bool:
-        """Whether a later clock sample is known, so that the simulation time is interpolated, not extrapolated."""
+        """Return whether a clock sample later than ``moment`` [ns] is known, so that no extrapolation is needed."""
         return bool(self._sent) and self._sent[-1] > moment
 
     def before(self, moment: int) -> int | None:
-        """The last clock sent before a moment; None before the first, and where one was lost."""
+        """Return the simulation time [ns] of the last sample at or before a moment [ns]; None if there is none or one
+        was lost."""
         place = bisect_right(self._sent, moment)
         return self._times[place - 1] if place else None
 
     def between(self, moment: int) -> int | None:
-        """Simulation time at a moment, by proportion between two clocks; that of the first one before it.
+        """Return the simulation time [ns] at a moment [ns], interpolated linearly between two samples.
 
-        None after the last clock, and where one was lost.
+        Before the first sample it is that sample's time; after the last one, and where one was lost, None.
         """
         place = bisect_right(self._sent, moment)
         if place == len(self._sent):

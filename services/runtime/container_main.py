@@ -17,7 +17,7 @@ from services.runtime.main import describe_config, network_options, run_program,
 from services.runtime.service import Service
 
 NAME = "container"
-"""What follows ``python -m services`` in place of a service."""
+"""The name that follows ``python -m services`` in place of a service."""
 
 ABOUT = """Run several nodes in one process, on one connection and in one thread.
 
@@ -27,11 +27,11 @@ Each --node is the command line of a service or of a file of your own, as behind
 """
 
 LoadService = Callable[[str], Service]
-"""The service of a kind, a name or a file; raises BadInput."""
+"""Returns the service with a name, or of a Python file; raises BadInput."""
 
 
 def run_container_command_line(arguments: list[str], load: LoadService, program: str) -> None:
-    """Run a container with the options in ``arguments`` and end the process, as ``run_command_line``."""
+    """Run a container with the options in ``arguments`` and end the process, like ``run_command_line``."""
 
     def run(options: dict[str, Any]) -> None:
         from services.runtime.start import run_container
@@ -43,7 +43,7 @@ def run_container_command_line(arguments: list[str], load: LoadService, program:
 
 
 def container_command(load: LoadService) -> click.Command:
-    """The click command; its callback returns the options, checked as far as they can be without the network."""
+    """Return the click command of a container; its callback returns the options, checked without the network."""
     option = click.Option
     return click.Command(
         NAME,
@@ -98,7 +98,7 @@ def _member(load: LoadService, where: str, line: str) -> tuple[Service, dict[str
 
 
 def _lines(file: str) -> Iterator[tuple[str, str]]:
-    """The places and lines of a file, without empty ones."""
+    """Yield ``file:number`` and the text of each line that is not empty."""
     try:
         text = Path(file).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -109,5 +109,5 @@ def _lines(file: str) -> Iterator[tuple[str, str]]:
 
 
 def _stated_name(arguments: list[str]) -> str:
-    """The name of the process before its options are read."""
+    """Return the name of the process, before its options are parsed."""
     return next((value for word, value in pairwise(arguments) if word == "--name"), NAME)

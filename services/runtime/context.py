@@ -30,7 +30,7 @@ from services.runtime.transport.api import RawSubscriber, idle_subscriber
 
 
 class ServiceChecks:
-    """The checks that a node has stated, by name; the last statement of each counts."""
+    """The checks of a node, by name; the last statement of each counts."""
 
     def __init__(self) -> None:
         self._stated: dict[str, Check] = {}
@@ -38,7 +38,7 @@ class ServiceChecks:
     def state(
         self, name: str, value: float | bool | None, least: float | None, most: float | None, reason: str
     ) -> tuple[Check, ...] | None:
-        """State one; all of them, or None when nothing has changed. Raises BadInput."""
+        """State a check; returns all checks, or None if nothing has changed. Raises BadInput."""
         if isinstance(value, bool):
             least = 1.0 if least is None and most is None else least
         if least is None and most is None:
@@ -58,7 +58,7 @@ class ServiceChecks:
         return tuple(self._stated.values())
 
     def holds(self, name: str) -> bool:
-        """Whether the value of a check is within its bounds; False without a value."""
+        """Return whether the value of a check is within its bounds; False without a value."""
         known = self._stated[name]
         if known.value is None:
             return False
@@ -71,13 +71,13 @@ R = TypeVar("R", bound=Message)
 P = TypeVar("P", bound=Parameters)
 
 PARAMETER_ANSWER_S = 30.0
-"""Wall time that a starting node waits for the parameter service's answer to its announcement."""
+"""Wall time [s] that a starting node waits for the parameter service to answer its announcement."""
 PARAMETER_POLL_S = 0.1
-"""Wall time between two looks at the parameters where no tick asks for one."""
+"""Wall time [s] between two polls of the parameters in loops without ticks."""
 
 
 class Tick(NamedTuple):
-    """One step of a loop: simulation time [ns], time since the last tick [s], epoch, and whether time was reset.
+    """One tick of a loop: simulation time [ns], time since the last tick [s], epoch, and whether time was reset.
 
     ``dt`` is 0 at the first tick and after a reset.
     """
@@ -128,10 +128,10 @@ class Context(Generic[P]):
 
     @property
     def params(self) -> P:
-        """The parameters as of the start of this tick; read them at each tick.
+        """The parameters as of the start of this tick; read them again at each tick.
 
-        ``params_changed`` is the union of the levels of those that changed at this tick: 0 if none did, all ones at the
-        first tick.
+        ``params_changed`` is the bitwise OR of the levels of the parameters that changed at this tick: 0 if none did,
+        all ones at the first tick.
         """
         return self._params
 
@@ -152,7 +152,7 @@ class Context(Generic[P]):
 
     @property
     def node(self) -> Node:
-        """The node itself, for the few services that pace themselves."""
+        """The underlying node, for the few services that pace themselves."""
         return self._node
 
     def latest(self, topic: Topic[M]) -> Latest[M]:
@@ -182,7 +182,7 @@ class Context(Generic[P]):
         return view
 
     def transforms(self, cache: float = CACHE_S, moving: bool = True) -> TransformListener:
-        """Subscribe to the transforms between all frames, as tf2's buffer and listener.
+        """Subscribe to the transforms between all frames, like tf2's Buffer and TransformListener.
 
         Args:
             cache: Length of the history [s of simulation time].
@@ -220,22 +220,22 @@ class Context(Generic[P]):
         max: float | None = None,  # noqa: A002
         reason: str = "",
     ) -> bool:
-        """State a check, which the report of the run shows as ``NODE.name``; if one fails, the run's exit status is 1.
+        """State a check, shown as ``NODE.name`` in the report of the run; if one fails, the run's exit status is 1.
 
         The last statement of a name counts, even after the process was asked to end. A check that stays None fails.
 
         Args:
             name: letters, digits and underscores, 64 at most; a node has 64 checks at most.
-            value: the measured number, or a bool, which needs no bounds; None and non-finite ones are not measured.
+            value: the measured number, or a bool, which needs no bounds; None, inf and NaN mean not measured.
             min: the lowest passing value.
             max: the highest passing value.
-            reason: an explanation for people, at most 200 characters.
+            reason: an explanation for the reader of the report, at most 200 characters.
 
         Returns:
             Whether the check passes.
 
         Raises:
-            BadInput: a bad name, no bound, a bound that is not finite, a check too many.
+            BadInput: a bad name, no bound, a bound that is not finite, or too many checks.
         """
         if (stated := self._checks.state(name, value, min, max, reason)) is not None:
             self.publish(CHECKS, Checks(node=self.node_name, checks=stated))
@@ -254,12 +254,13 @@ class Context(Generic[P]):
             The response record.
 
         Raises:
-            CallFailed: It was refused, with the reason; NoAnswer without a server or a reply in time.
+            NoAnswer: The request has no server, or got no reply in time.
+            CallFailed: The server refused it; the text has the reason.
         """
         return self._node.call(request, message, timeout, name)
 
     def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
-        """Serve a request in this loop, between two ticks.
+        """Serve a request in this loop, between ticks.
 
         Args:
             request: The request, an entry of ``messages.requests``.
@@ -270,20 +271,20 @@ class Context(Generic[P]):
 
     @property
     def lockstep(self) -> bool:
-        """Whether the node steps with the simulation."""
+        """Whether the node runs in lockstep with the simulation."""
         return self._lockstep
 
     def ticks(
         self, rate: float | None = None, meanwhile: Callable[[], None] | None = None, reports_reads: bool = False
     ) -> Iterator[Tick]:
-        """Yield a tick at the service's rate of simulation time, until the process is asked to end (Stopped).
+        """Yield ticks at the service's rate in simulation time, until the process is asked to end (Stopped).
 
         Inputs are a snapshot taken at the start of the tick. After a reset they are empty, except for latched topics.
 
         Args:
-            rate: replaces the declared rate [Hz], for services that make it a parameter.
+            rate: replaces the declared rate [Hz], for services whose rate is a parameter.
             meanwhile: called at least ten times a second while the loop waits for the next tick.
-            reports_reads: whether the loop subscribes to topics as it goes, and lockstep has to know.
+            reports_reads: whether the loop adds subscriptions while it runs, which are then reported to lockstep.
         """
         if (chosen := rate or self._rate) is None:
             raise BadInput("a service without a rate has no ticks")
@@ -299,9 +300,9 @@ class Context(Generic[P]):
             pacer.close()
 
     def messages(self, topic: Topic[M]) -> Iterator[M]:
-        """Yield every message of a topic as it arrives, for services that react to messages instead of time.
+        """Yield every message of a topic as it arrives, for services driven by messages instead of time.
 
-        Parameter changes are applied between two messages, ten times a second.
+        Parameter changes are applied between messages, ten times a second.
         """
         source = self._node.subscribe(topic)
         self._node.declare_ready()
@@ -314,7 +315,7 @@ class Context(Generic[P]):
                 self._node.wait(source.raw)
 
     def idle(self) -> None:
-        """Serve the node for a tenth of a second, for services that follow neither time nor messages."""
+        """Serve the node for up to 0.1 s of wall time, for services driven by neither time nor messages."""
         if self._rate is None:
             self._node.declare_ready()
         if self._idle_subscriber is None:
@@ -330,7 +331,7 @@ class Context(Generic[P]):
             admitted: Whether the loop has just updated all subscribers.
 
         Returns:
-            The levels of the changed parameters, as ``params_changed``.
+            The levels of the changed parameters, like ``params_changed``.
         """
         followed = self._subscription
         if followed is None:
@@ -342,8 +343,8 @@ class Context(Generic[P]):
         return self.params_changed
 
     def _await_parameters(self) -> None:
-        """Wait up to PARAMETER_ANSWER_S for the answer of an expected parameter service: a node is ready when its
-        parameters are known."""
+        """Wait up to PARAMETER_ANSWER_S for an expected parameter service: a node is ready once its parameters are
+        known."""
         if self._subscription is None or not self._subscription.client.expected:
             return
         client, deadline = self._subscription.client, time.monotonic() + PARAMETER_ANSWER_S
@@ -353,7 +354,7 @@ class Context(Generic[P]):
         self._node.heartbeat.detail = ""
 
     def _poll_parameters(self) -> None:
-        """Apply parameter changes from time to time; in lockstep only ticks do that."""
+        """Apply parameter changes every PARAMETER_POLL_S; in lockstep only ticks do that."""
         if self._subscription is None or self._lockstep:
             return
         now = time.monotonic()

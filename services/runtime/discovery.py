@@ -1,7 +1,7 @@
 """Discovery: lists the nodes of the network, checks that they are reachable, and waits for those of a fleet.
 
-Peers connect directly to each other, not through the router, and listen on this machine only. So a peer on another
-machine, or in another network namespace, that joins their router can exchange nothing with them.
+Peers connect directly to each other, not through the router, and listen on their own machine only. So a peer on another
+machine, or in another network namespace, that joins the same router cannot exchange anything with them.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from services.runtime.transport.api import ADMIN_SPACE, PendingReplies, TokenWat
 
 DIRECTORY_KEY = f"{ADMIN_SPACE}/register"
 DIRECTORY_TIMEOUT_S = 0.5
-"""Wall time that the router has for its answer."""
+"""Wall time [s] to wait for the router's answer."""
 DIRECTORY_LOOK_S = 0.05
-"""Wall time [s] that the router looks for tokens that it has not received; a node that hangs would delay all others."""
+"""Wall time [s] that the router waits for missing tokens; longer, and a hung node would delay all others."""
 
 
 class NodeList(msgspec.Struct, frozen=True, array_like=True):
@@ -33,13 +33,13 @@ _read_nodes = decoder(NodeList)
 
 
 class NodeDirectory:
-    """The router's side."""
+    """The router's side: answers with the list of all nodes."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport, self._server = transport, transport.serve(DIRECTORY_KEY)
 
     def answer(self) -> None:
-        """Answer all waiting nodes with the same list; their tokens have arrived."""
+        """Answer all waiting nodes with the same list; their own tokens have arrived before their queries."""
         waiting = list(iter(self._server.recv, None))
         if not waiting:
             return
@@ -49,7 +49,7 @@ class NodeDirectory:
 
 
 def known_nodes(transport: Transport) -> frozenset[str] | None:
-    """The tokens of all nodes that the router sees; None when there is no router, or none that says."""
+    """Query the tokens of all nodes that the router sees; None without a router, or without an answer in time."""
     for reply in transport.query(DIRECTORY_KEY, b"", DIRECTORY_TIMEOUT_S):
         try:
             return frozenset(_read_nodes(reply.payload).nodes)
@@ -59,23 +59,23 @@ def known_nodes(transport: Transport) -> frozenset[str] | None:
 
 
 REACH_FIRST_S = 2.0
-"""Wall time from joining to the first look: by then the links are up."""
+"""Wall time [s] from joining to the first check: by then the links are up."""
 REACH_RETRY_S = 1.0
-"""Wall time to the next look after one that found a node cut off: two must find it."""
+"""Wall time [s] from a check that found the node cut off to the next one, which must confirm it."""
 REACH_PERIOD_S = 10.0
-"""Wall time between looks that find all well."""
+"""Wall time [s] between checks that find no problem."""
 _MAX_LISTED = 5
-"""Nodes that are named at most."""
+"""Maximum nodes listed in a message."""
 
 
 def unreached(known: Set[str], seen: Set[str]) -> list[str]:
-    """The nodes, by name, of which a node that is cut off sees nothing; empty for one that is not cut off.
+    """Return the names of the nodes that this node cannot see if it is cut off, else an empty list.
+
+    It is cut off if it sees less than half of the known nodes. The others miss only one node, so they log nothing.
 
     Args:
         known: tokens of nodes that the router knows, without the node's own and the router's.
         seen: tokens of nodes that the node itself sees.
-
-    It is cut off when it sees less than half of them. The others miss it alone, and say nothing.
     """
     missed = known - seen
     if 2 * len(missed) <= len(known):
@@ -85,7 +85,7 @@ def unreached(known: Set[str], seen: Set[str]) -> list[str]:
 
 
 class ReachabilityCheck:
-    """Looks now and then, and logs when the node is cut off, and when it is no longer."""
+    """Checks periodically whether the node is cut off, and logs when that begins and ends."""
 
     def __init__(self, transport: Transport, log: Log) -> None:
         self._transport, self._log = transport, log
@@ -96,7 +96,7 @@ class ReachabilityCheck:
         self._suspected = self._logged = False
 
     def update(self) -> None:
-        """Look if it is time; from the loop, without waiting."""
+        """Check if it is due; called by the loop, does not block."""
         if self._asked is None and time.monotonic() < self._due:
             return
         self._watch = self._watch or self._transport.watch(token_pattern("node"))
@@ -145,11 +145,12 @@ def _unreachable_message(missed: list[str], known: int) -> str:
 
 
 START_PATIENCE_S = 60.0
-"""Wall time to wait for further nodes while none becomes ready. A busy machine starts a fleet slowly, but on and on."""
+"""Wall time [s] without another node becoming ready after which a wait ends. A busy machine starts a fleet slowly, but
+steadily."""
 
 
 def missing_nodes(transport: Transport, roster: Iterable[str]) -> list[str]:
-    """The nodes of the roster that are not ready: they neither tick nor say that they are at work."""
+    """Return the nodes of the roster that have declared neither stepping nor readiness."""
     keys = [*transport.tokens(token_pattern("step")), *transport.tokens(token_pattern("ready"))]
     ready = {entity.node for entity in map(Entity.parse, keys) if entity is not None}
     return [node for node in roster if node not in ready]
@@ -168,9 +169,9 @@ def wait_for_nodes(
     Args:
         transport: the network on which nodes declare that they are ready.
         roster: names of nodes.
-        idle: called between two looks; it blocks for a moment.
+        idle: called between two checks; it blocks for a moment.
         patience_s: wall time [s] without another node becoming ready after which the wait ends.
-        on_wait: called at each look with the missing nodes and the wall time [s] waited.
+        on_wait: called at each check with the missing nodes and the wall time [s] waited.
         ended: nodes that have ended for good and are not waited for.
 
     Returns:

@@ -61,7 +61,7 @@ class TryAgain(BadInput):
 
 
 class CallFailed(EleaError, RuntimeError):
-    """A request got an error reply, or none within its deadline."""
+    """A request got an error reply, or no reply within its deadline."""
 
 
 class NoAnswer(CallFailed):
@@ -69,7 +69,7 @@ class NoAnswer(CallFailed):
 
 
 class SeveralServers(CallFailed):
-    """More than one process answered a request: which answer is right is unknown, and all may have carried it out."""
+    """More than one process answered a request: the right answer is unknown, and all may have carried it out."""
 
 
 class NoTransform(EleaError, LookupError):

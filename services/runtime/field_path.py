@@ -25,7 +25,7 @@ _INDEX = re.compile(r"-?\d{1,9}", re.ASCII)
 
 
 def parse_path(text: str) -> FieldPath:
-    """The steps of a path; also reads rostopic's ``pose/pose/position`` and ``ranges.0``.
+    """Parse a path into its steps; also accepts rostopic's ``pose/pose/position`` and ``ranges.0``.
 
     Raises:
         BadInput: The text is not a path, or has more than MAX_DEPTH steps.
@@ -39,31 +39,31 @@ def parse_path(text: str) -> FieldPath:
 
 
 def is_path(text: str) -> bool:
-    """Whether ``parse_path`` can read a text; the name of a field in an unknown message may hold a dot or a bracket."""
+    """Return whether ``parse_path`` accepts a text; field names of unknown messages may contain a dot or a bracket."""
     return _PATH.fullmatch(text) is not None
 
 
 def format_path(path: FieldPath) -> str:
-    """The path as text that ``parse_path`` reads."""
+    """Format a path as text that ``parse_path`` accepts."""
     return ".".join(map(str, path))
 
 
 @cache
 def field_types(record: type[Message]) -> dict[str, inspect.Type]:
-    """The types of a record's fields by their names on the wire, in order."""
+    """Return the types of a record's fields by their names on the wire, in order."""
     described = inspect.type_info(record)
     assert isinstance(described, inspect.StructType)
     return {each.encode_name: each.type for each in described.fields}
 
 
 def nested_record(kind: inspect.Type) -> type[Message] | None:
-    """The record that a field of this type holds, or None."""
+    """Return the record that a field of this type contains, or None."""
     classes = (each.cls for each in _alternatives(kind) if isinstance(each, inspect.StructType))
     return next((each for each in classes if issubclass(each, Message)), None)
 
 
 def element_type(kind: inspect.Type) -> inspect.Type | None:
-    """The type of a list's elements for a field that holds a list, or None."""
+    """Return the element type of a field that contains a list, else None."""
     for each in _alternatives(kind):
         if isinstance(each, inspect.ListType | inspect.VarTupleType):
             return each.item_type
@@ -77,7 +77,7 @@ def element_type(kind: inspect.Type) -> inspect.Type | None:
 
 
 def _alternatives(kind: inspect.Type) -> tuple[inspect.Type, ...]:
-    """A type without its bounds; the alternatives, when it has some."""
+    """Return a type without its bounds; for a union, all its alternatives."""
     if isinstance(kind, inspect.Metadata):
         return _alternatives(kind.type)
     if isinstance(kind, inspect.UnionType):
@@ -86,10 +86,10 @@ def _alternatives(kind: inspect.Type) -> tuple[inspect.Type, ...]:
 
 
 def check_path(record: type[Message], path: FieldPath) -> None:
-    """Refuse a path that no message of this type has.
+    """Check that messages of a type can have a path.
 
     Raises:
-        BadInput: With the nearest name and the alternatives.
+        BadInput: They cannot; with the nearest name and the alternatives.
     """
     kind = inspect.type_info(record)
     for step in path:
@@ -108,7 +108,7 @@ def check_path(record: type[Message], path: FieldPath) -> None:
 
 
 def complete_path(record: type[Message], begun: str) -> list[str]:
-    """The completions of a partly typed path, by one step."""
+    """Return the completions of a partly typed path by one step."""
     above, _, _ = begun.rpartition(".")
     kind: inspect.Type | None = inspect.type_info(record)
     for step in above.split(".") if above else ():
@@ -120,7 +120,7 @@ def complete_path(record: type[Message], begun: str) -> list[str]:
 
 
 def get_field(value: Any, path: FieldPath) -> Any:
-    """The value at a path of a message, of a record's type or as plain dicts and lists.
+    """Return the value at a path of a message, given as a record or as plain dicts and lists.
 
     Raises:
         BadInput: The message has no such field; with the nearest name and the alternatives.
@@ -134,10 +134,10 @@ def get_field(value: Any, path: FieldPath) -> Any:
 
 
 def child(value: Any, step: str | int) -> Any:
-    """The field or element that one step leads to. A rotation has its ``yaw`` [rad] beside its own fields.
+    """Return the field or element at one step of a path. A Quaternion also has the field ``yaw`` [rad].
 
     Raises:
-        LookupError: There is none.
+        LookupError: There is no such field or element.
         WrongPayload: The value is a covariance that cannot be unpacked.
     """
     if isinstance(value, dict):
@@ -156,13 +156,13 @@ def child(value: Any, step: str | int) -> Any:
 def leaves(
     value: Any, path: str = "", max_elements: int | None = None, lengths: bool = False, depth: int = MAX_DEPTH
 ) -> Iterator[tuple[str, Any]]:
-    """The single values of a message with their paths, ``pose.position.x`` or ``ranges[3]``.
+    """Yield the single values of a message with their paths, such as ``pose.position.x`` or ``ranges[3]``.
 
     Args:
         value: A record, or plain dicts and lists.
         path: The path of ``value`` itself.
         max_elements: Maximum elements of one list, further ones are left out; None for all.
-        lengths: Of a list with more elements, yield only the length, as ``ranges.length``.
+        lengths: For a list with more elements, yield only its length, as ``ranges.length``.
         depth: Levels of nesting to follow; values nested deeper are yielded whole.
     """
     if isinstance(value, dict | Message) and depth:
@@ -183,7 +183,7 @@ def leaves(
 
 
 def _missing(value: Any, step: str | int, path: FieldPath) -> BadInput:
-    """Why a value has no such field or element."""
+    """Return the error for a missing field or element."""
     if isinstance(value, dict | Message):
         return unknown_name(
             "field",

@@ -1,7 +1,7 @@
-"""Which fleets run on this machine: one file each, locked by its supervisor as long as it lives.
+"""The fleets running on this machine: one file each, locked by its supervisor as long as it lives.
 
-The lock, not the number in the file, says that a fleet runs: the kernel lifts it with the process, however it dies, so
-a number that another process got later is never taken for a supervisor.
+The lock, not the process id in the file, shows that a fleet runs: the kernel releases it when the process ends, however
+that happens, so another process that later gets the same id is never mistaken for the supervisor.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from services.runtime.user_folders import instances_folder
 
 
 class FleetInstance(msgspec.Struct, frozen=True, kw_only=True):
-    """A fleet that runs: what its files, its supervisor and its router are called; ``saved`` are its parameters.
+    """A running fleet: its folder, supervisor (``pid``) and router; ``saved`` is the place of its saved parameters.
 
-    ``router`` is the endpoint for this user's processes, ``listen`` are those for others.
+    ``router`` is the endpoint for this user's processes, ``listen`` has those for others.
     """
 
     fleet: str
@@ -35,7 +35,7 @@ class FleetInstance(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def running_fleets() -> tuple[FleetInstance, ...]:
-    """Every fleet of this user that runs now."""
+    """Return all running fleets of this user."""
     found = []
     for path in sorted(instances_folder().glob("*.json")):
         try:
@@ -49,8 +49,8 @@ def running_fleets() -> tuple[FleetInstance, ...]:
 
 
 def latest() -> FleetInstance | None:
-    """The fleet of this user that was started last, also when it has ended: its file stays until the next one on its
-    port."""
+    """Return the fleet that this user started last, even if it has ended: its file stays until the next fleet on its
+    port starts."""
     found = []
     for path in instances_folder().glob("*.json"):
         try:
@@ -61,7 +61,7 @@ def latest() -> FleetInstance | None:
 
 
 def is_locked(descriptor: int) -> bool:
-    """Whether another process has locked the open file for itself."""
+    """Return whether another process holds an exclusive lock on the open file."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -71,7 +71,7 @@ def is_locked(descriptor: int) -> bool:
 
 
 def describe_fleets(fleets: Iterable[FleetInstance]) -> str:
-    """``bare (port 7447), two (port 7448, domain two)``."""
+    """Format fleets as ``bare (port 7447), two (port 7448, domain two)``."""
     return ", ".join(
         f"{each.fleet} (port {each.port}{f', domain {each.domain}' if each.domain else ''})" for each in fleets
     )

@@ -1,4 +1,4 @@
-"""The graph of nodes: liveliness tokens for each publication, subscription, request and step, read without a daemon."""
+"""The graph of nodes: liveliness tokens for publications, subscriptions, requests and steps, read without a daemon."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from messages.names import key as absolute
 from services.runtime.transport.api import ADMIN_SPACE, Transport
 
 SUPERVISOR = "/supervisor"
-"""The node of a fleet's supervisor."""
+"""The name of the supervisor's node."""
 
 EVERYTHING = f"{ADMIN_SPACE}/*/*/*/*/*/*"
 PATIENCE_S = 5.0
-"""Wall time after which a network that has not shown all of its tokens is taken as it is; a fleet of a hundred robots
-has 5,000, and a router that shares its processor was seen to take more than a second for them."""
+"""Wall time [s] to wait for all tokens of the network; a fleet of a hundred robots has 5,000, and a router that shares
+its processor was seen to take more than a second for them."""
 
 _SESSION = re.compile(r"[0-9a-f]{1,32}")
 _PERIOD = re.compile(r"[1-9][0-9]{0,17}")
@@ -29,10 +29,10 @@ readiness of a node that takes no steps."""
 
 @dataclass(frozen=True)
 class Entity:
-    """One token, taken apart. ``name`` is the topic or request, ``record`` its ROS type, ``detail`` the quality.
+    """A parsed token. ``name`` is the topic or request, ``record`` its ROS type, ``detail`` the quality.
 
-    The token of a node carries its kind of service in ``name``, the one of a stepping node its period [ns] in
-    ``detail`` and, if several nodes of its process step together, their number in ``record``.
+    The token of a node has its kind of service in ``name``; that of a stepping node has its period [ns] in ``detail``
+    and, if several nodes of its process step together, their number in ``record``.
     """
 
     session: str
@@ -50,14 +50,14 @@ class Entity:
 
     @property
     def sharing(self) -> int:
-        """Of a stepping node, how many nodes of its process step together."""
+        """The number of nodes of a stepping node's process that step together; 1 for other tokens."""
         return int(self.record) if self.kind == "step" and _COUNT.fullmatch(self.record) else 1
 
     @classmethod
     def parse(cls, key: str) -> Entity | None:
-        """The entity behind a token's key, or None when it is not one of ours.
+        """Parse a token's key; returns None if it is not one of ours.
 
-        Nor is one with a control character in any part: it would reach terminals and logs.
+        A key with a control character in any part is refused, too: it would reach terminals and logs.
         """
         chunks = key.split("/")
         if len(chunks) != 7 or chunks[0] != ADMIN_SPACE or chunks[2] not in get_args(Kind):
@@ -76,31 +76,31 @@ class Entity:
 
 
 def token_pattern(kind: Kind | Literal["*"] = "*", node: str = "*", name: str = "*") -> str:
-    """The key expression of all tokens of a kind, a node, or a topic."""
+    """Return the key expression of all tokens of a kind, node and topic or request."""
     chunks = [each if each == "*" else mangle(each) for each in (node, name)]
     return "/".join((ADMIN_SPACE, "*", kind, *chunks, "*", "*"))
 
 
 def ping_key(session: str, node: str) -> str:
-    """The key on which a node's own loop answers pings: with nothing, or with its health to those that ask for it."""
+    """Return the key on which a node's own loop answers pings: with nothing, or with its health if asked for it."""
     return "/".join((ADMIN_SPACE, "ping", session, mangle(node)))
 
 
 ALL_PINGS = "/".join((ADMIN_SPACE, "ping", "**"))
 ASKS_HEALTH = b"health"
-"""The payload of a ping that is answered by the node's health."""
+"""The payload of a ping that asks for the node's health."""
 
 
 REPLACED = "new node registered with same name"
-"""The reason why a node is asked to end whose name another one takes."""
+"""The reason in the shutdown request to a node whose name another one takes over."""
 
 
 def shutdown_key(session: str, node: str) -> str:
-    """The key on which a node that others may end is asked to, with the reason; its answer says that it will."""
+    """Return the key of a node's shutdown requests, which carry the reason; a node that accepts one replies."""
     return "/".join((ADMIN_SPACE, "shutdown", session, mangle(node)))
 
 
 def snapshot(transport: Transport) -> list[Entity]:
-    """Everything on the network now, asked afresh; raises TryAgain if it does not answer in time."""
+    """Query all entities on the network; raises TryAgain if it does not answer in time."""
     found = (Entity.parse(key) for key in transport.all_tokens(EVERYTHING, PATIENCE_S))
     return sorted((each for each in found if each), key=lambda e: (e.node, e.kind, e.name))

@@ -1,4 +1,4 @@
-"""The heartbeat: sent by the loop itself, so that a hung loop has none."""
+"""The heartbeat of a node, sent by its loop, so that a hung loop sends none."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from services.runtime.transport.request_queue import Refusals
 from services.runtime.transport.sequences import RefusalCounter
 
 PERIOD_S = 1.0
-"""Wall time between two heartbeats. With half of it, a machine with eight busy processes on two cores made healthy
-loops look hung."""
+"""Wall time [s] between two heartbeats. With half of it, healthy loops looked hung on a machine with eight busy
+processes on two cores."""
 
 LISTED_BYTES = 28_000
 """Maximum bytes of a heartbeat's inputs, and of its outputs: about 170 topics each; both fit ``HEALTH.largest``."""
 _ENTRY_BYTES = 128
-"""An entry without its texts: field names, and seven counts of nine bytes."""
+"""Size of an entry without its texts: field names, and seven counts of nine bytes."""
 _LONGEST_NAME = 1000
-"""Characters of a topic that is listed; names that a node takes are shorter."""
+"""Maximum characters of a listed topic's name; names that a node accepts are shorter."""
 _NOTE_BYTES = 4000
 _COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
 
@@ -49,7 +49,7 @@ class Heartbeat:
         self._wanted = False
 
     def is_due(self, output: Publisher[Health]) -> bool:
-        """Whether it is time to publish; asked in each turn of a loop."""
+        """Return whether a heartbeat is due; called in each turn of the loop."""
         wanted, self._wanted = self._wanted, output.has_subscribers
         return time.monotonic() >= self._due or self._wanted > wanted
 
@@ -66,7 +66,7 @@ class Heartbeat:
         output.publish_encoded(self.payload(inputs, outputs, refusals))
 
     def request_now(self) -> None:
-        """Let the next beat come at once: the state has changed."""
+        """Make the next heartbeat due at once, as the state has changed."""
         self._due = 0.0
 
     def payload(
@@ -75,7 +75,8 @@ class Heartbeat:
         outputs: Sequence[Publisher[Any]],
         refusals: Refusals,
     ) -> bytes:
-        """The health to send. What cannot be encoded is left out and logged once: a working node never looks hung."""
+        """Encode the health. Topics that cannot be encoded are left out and logged once: a working node never looks
+        hung."""
         try:
             payload = encode(self._health(inputs, outputs, refusals))
             if len(payload) <= HEALTH.largest:
@@ -116,14 +117,14 @@ class Heartbeat:
 
 
 class _Listing:
-    """Which ends of a node a beat lists: all that fit, else those with new trouble first, and the others in turn."""
+    """Selects the ends that a heartbeat lists: all if they fit, else those with new faults, then the others in turn."""
 
     def __init__(self) -> None:
         self._next = 0
         self._listed_trouble: dict[str, int] = {}
 
     def next(self, ends: Sequence[End]) -> list[Any]:
-        """The health of the ends whose turn it is, in the order given; those with new trouble get half of the room."""
+        """Return the health of the selected ends, in the order given; ends with new faults get half of the bytes."""
         count, room = len(ends), LISTED_BYTES
         first = self._next % count if count else 0
         turns = [i for i in (*range(first, count), *range(first)) if len(ends[i].name) <= _LONGEST_NAME]
@@ -146,7 +147,7 @@ class _Listing:
         return [chosen[index] for index in sorted(chosen)]
 
     def _choose(self, index: int, end: End, chosen: dict[int, Any], room: int) -> int:
-        """List an end if there is room for it; the bytes that it takes, 0 when there is none."""
+        """List an end if it fits into ``room`` bytes; returns the bytes used, 0 if it does not fit."""
         health = end.health()
         size = _ENTRY_BYTES + len(health.topic.encode()) + len(getattr(health, "reason", "").encode(errors="replace"))
         if size > room:

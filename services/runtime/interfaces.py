@@ -1,4 +1,4 @@
-"""Definitions of message types on the network: a node announces its own, and others learn them."""
+"""Message definitions on the network: a node announces its types, and others learn them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 
 _ROOM = INTERFACES.largest - (1 << 17)
-"""Bytes of definitions that one node announces at most; what is beyond is recorded as MessagePack."""
+"""Maximum bytes of definitions that one node announces; messages of further types are recorded as MessagePack."""
 
 
 class InterfaceAnnouncer:
-    """Announces the types that a node uses, all that belong to no standard package; it is used where the node is."""
+    """Announces a node's message types that belong to no standard package; used in the node's thread."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -25,7 +25,7 @@ class InterfaceAnnouncer:
         self._publisher: Publisher[InterfaceDefinitions] | None = None
 
     def add(self, *types: str) -> None:
-        """Announce these types as well, before the node uses them."""
+        """Announce further types, before the node uses them."""
         new = {name: text for name in types if name not in self._definitions and (text := definition_text(name))}
         room = _ROOM - sum(len(each.text) for each in self._definitions.values())
         if not new or sum(map(len, new.values())) > room or len(self._definitions) + len(new) > MOST_ITEMS:
@@ -37,7 +37,7 @@ class InterfaceAnnouncer:
 
 
 def learn_interfaces(messages: Iterable[InterfaceDefinitions], note: Callable[[str], object]) -> None:
-    """Know the types that others have announced; ``note`` is called with what is wrong about one."""
+    """Learn the types that others have announced; ``note`` is called with the error of each bad definition."""
     for message in messages:
         for each in message.definitions:
             try:

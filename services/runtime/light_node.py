@@ -1,4 +1,4 @@
-"""Joining the network without a loop: a bare transport, and a node that has a name and tokens but no heartbeat."""
+"""The network without a service's loop: a bare transport, and a node with a name and tokens but no heartbeat."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NO_FLEET = "is a fleet up? ./elea ps lists those that run, --port chooses one, 
 
 @contextmanager
 def open_transport(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Transport]:
-    """A transport through the router at an endpoint; raises BadInput if none listens there within ``patience`` [s]."""
+    """Open a transport through the router at an endpoint; raises BadInput if none listens within ``patience`` [s]."""
     from services.runtime.transport.unix_sockets import is_listening
     from services.runtime.transport.zenoh import ZenohTransport
     from services.runtime.transport.zenoh_config import configuration, endpoint
@@ -30,10 +30,10 @@ def open_transport(router: str, domain: str = "", patience: float = 2.0) -> Iter
 
 
 class LightNode:
-    """A light node: a unique name, tokens for its topics, no heartbeat.
+    """A node with a unique name and tokens for its topics, but no heartbeat.
 
-    Its name begins with an underscore, which hides it in lists, as in ROS 2. With ``owner`` it is the same in every
-    session, and in several at once: what one of them publishes, another can revoke.
+    Its name begins with an underscore, which hides it in lists, as in ROS 2. With ``owner`` the name is the same in all
+    sessions, also concurrent ones, so that one can revoke what another has published.
     """
 
     def __init__(self, transport: Transport, role: str, owner: str = "") -> None:
@@ -44,15 +44,15 @@ class LightNode:
         self._declare("node", role, "-", "-")
 
     def declare_subscription(self, name: str, record: str, detail: str) -> None:
-        """Show a subscription."""
+        """Declare a subscription to the graph."""
         self._declare("sub", name, record, detail)
 
     def declare_publication(self, name: str, record: str, detail: str) -> None:
-        """Show a publication."""
+        """Declare a publication to the graph."""
         self._declare("pub", name, record, detail)
 
     def stop(self) -> None:
-        """End what waits on this node; from a signal."""
+        """Ask this node to stop and wake its transport; for signal handlers."""
         self.stopping = True
         self.transport.wake()
 

@@ -1,4 +1,4 @@
-"""The log of a node: lines on stderr and on /rosout, each call site limited on request."""
+"""The log of a node: lines on stderr and on /rosout, throttled per call site on request."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NAMES = {value: name.upper() for name, value in LEVELS.items()}
 class Log:
     """Writes ``[12.345] WARN /tb3_0/waypoint: text``; the time is simulation time.
 
-    ``every`` [s of wall time] limits one call site: lines in between are counted, and the next one shows how many.
+    ``every`` [s of wall time] throttles one call site: lines in between are counted, and the next one shows how many.
     """
 
     def __init__(self, node: str, level: str = "info", out: TextIO | None = None) -> None:
@@ -30,7 +30,7 @@ class Log:
         self._sites: dict[tuple[str, int], tuple[float, int]] = {}
 
     def debug(self, text: str, every: float = 0.0) -> None:
-        """For developers."""
+        """Log details for developers."""
         self._write(DEBUG, text, every)
 
     def info(self, text: str, every: float = 0.0) -> None:
@@ -38,11 +38,11 @@ class Log:
         self._write(INFO, text, every)
 
     def warn(self, text: str, every: float = 0.0) -> None:
-        """Something is off, the node copes."""
+        """Log a problem with which the node can continue."""
         self._write(WARN, text, every)
 
     def error(self, text: str, every: float = 0.0) -> None:
-        """Something failed."""
+        """Log a failure."""
         self._write(ERROR, text, every)
 
     def _write(self, level: int, text: str, every: float) -> None:

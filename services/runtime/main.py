@@ -34,14 +34,14 @@ def main(
     role: Role = "member",
 ) -> None: ...
 def main(service: Service | Run, **declaration: Any) -> None:
-    """Parse the command line, run a service and end the process with its exit status.
+    """Parse the command line, run a service and exit with its status.
 
     Args:
         service: The declaration of the service, or its loop ``run(ctx)``.
         **declaration: With a loop, the other fields of ``Service``: name, about, rate, parameters, role.
 
     Raises:
-        BadInput: The file that calls it is being imported by another one.
+        BadInput: The calling file is being imported by another one.
     """
     _check_not_imported(sys._getframe(1))
     if not isinstance(service, Service):
@@ -52,7 +52,7 @@ def main(service: Service | Run, **declaration: Any) -> None:
 
 
 def _check_not_imported(caller: FrameType) -> None:
-    """Raise BadInput for a call at the top level of a module that another file imports: it would start the service."""
+    """Raise BadInput if ``main`` is called at the top level of an imported module: the import would start a service."""
     module = caller.f_globals.get("__name__")
     if caller.f_code.co_name == "<module>" and module != "__main__":
         raise BadInput(
@@ -62,7 +62,7 @@ def _check_not_imported(caller: FrameType) -> None:
 
 
 def _check_declaration(run: object, declaration: dict[str, Any]) -> None:
-    """End the process, with an example, when ``main`` was called without what a service needs."""
+    """Exit with an error and an example if the arguments of ``main`` do not declare a service."""
     known = [each.name for each in fields(Service) if each.name != "run"]
     unknown = [each for each in declaration if each not in known]
     missing = [each for each in ("name", "about") if not declaration.get(each)]
@@ -102,14 +102,14 @@ def run_command_line(service: Service, arguments: list[str], program: str | None
 def run_program(
     name: str, command: click.Command, arguments: list[str], program: str | None, run: Callable[[dict[str, Any]], None]
 ) -> None:
-    """Run with the options that ``command`` parses from ``arguments``, if there is anything to run; ends the process.
+    """Parse ``arguments`` with ``command``, call ``run`` with the options, and end the process.
 
     Args:
-        name: Of the program, for its messages.
-        command: The command line; its callback returns the options.
-        arguments: Those of the command line.
+        name: Name of the program in its messages.
+        command: The command line; its callback returns the options, or None if there is nothing to run.
+        arguments: The arguments of the command line.
         program: The command in the usage line; that of ``./elea run`` comes first.
-        run: Runs until the end; raises what ends it.
+        run: Runs until the end; raises the error that ends it.
     """
     from services.runtime import process
 
@@ -120,9 +120,9 @@ def run_program(
 
 
 def parse_options(name: str, command: click.Command, arguments: list[str], program: str | None) -> dict[str, Any]:
-    """The options that ``command`` parses from ``arguments``; ends the process if they are wrong or there is no run.
+    """Return the options that ``command`` parses; ends the process if they are wrong or there is nothing to run.
 
-    Args: as for ``run_program``.
+    The arguments are those of ``run_program``.
     """
     from services.runtime import process
 
@@ -149,7 +149,7 @@ def _stop_at_start() -> None:
 
 
 def _run(name: str, run: Callable[[dict[str, Any]], None], options: dict[str, Any]) -> int:
-    """The exit status of the run."""
+    """Run the program and return its exit status."""
     from services.runtime import process
 
     status = 1
@@ -169,7 +169,7 @@ def _run(name: str, run: Callable[[dict[str, Any]], None], options: dict[str, An
 
 
 def service_command(service: Service) -> click.Command:
-    """The click command; its callback returns the options, checked as far as they can be without the network."""
+    """Return the click command of a service; its callback returns the options, checked without the network."""
 
     def check(param: tuple[str, ...], fleet_param: tuple[str, ...], **options: Any) -> dict[str, Any] | None:
         from messages.names import BadName, Identity, parse_assignment, parse_remap
@@ -210,7 +210,7 @@ def service_command(service: Service) -> click.Command:
 
 
 def network_options() -> list[click.Option]:
-    """The options of a process that is on the network, with one node or with several."""
+    """Return the network options of a process with one node or several."""
     option = click.Option
     levels, topologies = click.Choice(["debug", "info", "warn", "error"]), click.Choice(["direct", "star"])
     return [
@@ -229,7 +229,7 @@ def network_options() -> list[click.Option]:
 
 
 def _epilog(record: type[Parameters]) -> str:
-    """The parameters, one paragraph each."""
+    """Return the help text of the parameters, one paragraph each."""
     lines = []
     for each in describe_parameters(record):
         facts = f"{each.default!r} by default", describe_range(each) or each.unit, describe_relations(each)
@@ -238,7 +238,7 @@ def _epilog(record: type[Parameters]) -> str:
 
 
 def describe_config(service: Service, options: dict[str, Any]) -> dict[str, Any]:
-    """What would run; ``origins`` has the source of each parameter that is not the default."""
+    """Describe what would run; ``origins`` has the source of each parameter that is not the default."""
     shown = dict(options)
     fleet, command_line = (stated(service.parameters, shown.pop(each)) for each in ("fleet", "command_line"))
     shown["origins"] = dict.fromkeys(fleet, "fleet") | dict.fromkeys(command_line, "command line")

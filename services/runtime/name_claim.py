@@ -1,7 +1,7 @@
-"""Taking the names of a process's nodes: no two nodes of a network have one name.
+"""Claims the names of a process's nodes: no two nodes of a network have the same name.
 
-A new node's own token reaches the router before its query. So if two nodes of one name start at the same moment, at
-least one of them learns of the other.
+A new node's own token reaches the router before its query. So if two nodes of the same name start at the same moment,
+at least one of them learns of the other.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from services.runtime.graph import REPLACED, Entity, Kind, shutdown_key, token_p
 from services.runtime.transport.api import Token, Transport
 
 TAKEOVER_S = 1.5
-"""Wall time in which the token of a predecessor that was killed must have gone."""
+"""Wall time [s] within which the token of a killed predecessor has disappeared."""
 ASK_S = 0.5
-"""Wall time [s] that a node has to answer that it goes."""
+"""Wall time [s] that a node has to accept a shutdown request."""
 
 
 def claim_names(transport: Transport, nodes: Sequence[Entity], replaces: bool = False) -> list[Token]:
-    """Take the names of ``nodes``, all of this session, with one wait for all; returns their tokens.
+    """Claim the names of ``nodes``, all of this session, with one wait for all; returns their tokens.
 
-    With ``replaces``, the present holders of a name are asked to go; those that may be replaced do.
+    With ``replaces``, the current holders of a name are asked to end; those that may be replaced do.
 
     Raises:
-        TryAgain: Another process holds one of the names and does not go.
+        TryAgain: Another process holds one of the names and does not end.
     """
     tokens = [transport.declare_token(each.key) for each in nodes]
     settle = transport.settle_s
@@ -44,7 +44,7 @@ def claim_names(transport: Transport, nodes: Sequence[Entity], replaces: bool = 
             asked |= new
             going |= {each for each in new if ask_to_end(transport, each, name, REPLACED)}
         now = time.monotonic()
-        if now - started > TAKEOVER_S:  # one that goes may take a while for its last words
+        if now - started > TAKEOVER_S:  # one that has agreed to end may take longer to shut down
             rivals = {name: left for name, found in rivals.items() if (left := sorted({*found} - going))}
         # While links come up, an existing token may be invisible for a moment.
         seen = now if rivals else seen
@@ -60,12 +60,13 @@ def claim_names(transport: Transport, nodes: Sequence[Entity], replaces: bool = 
 
 
 def ask_to_end(transport: Transport, session: str, node: str, reason: str) -> bool:
-    """Ask a node to end; whether it is one that others may end, and it will."""
+    """Ask a node to end; returns whether it accepts."""
     return any(each.ok for each in transport.query(shutdown_key(session, node), reason.encode(), ASK_S))
 
 
 def _sees_everybody(transport: Transport) -> bool:
-    """Wait until all nodes that the router knows are visible; False if that is unknown or takes too long."""
+    """Wait until all nodes that the router knows are visible; False if the router does not answer or it takes too
+    long."""
     deadline = time.monotonic() + transport.settle_s
     while (expected := known_nodes(transport)) is not None and time.monotonic() < deadline:
         if expected <= set(transport.tokens(token_pattern("node"))):
@@ -75,7 +76,7 @@ def _sees_everybody(transport: Transport) -> bool:
 
 
 def _others(transport: Transport, nodes: Sequence[Entity]) -> bool:
-    """Whether any other session holds one of the names."""
+    """Return whether any other session holds one of the names."""
     if len(nodes) == 1:
         return bool(_sessions(transport, "node", nodes[0].node) - {transport.session})
     names = {each.node for each in nodes}
@@ -84,7 +85,7 @@ def _others(transport: Transport, nodes: Sequence[Entity]) -> bool:
 
 
 def _rivals(transport: Transport, node: Entity) -> list[str]:
-    """Sessions with a better claim to the name: those at work under it, else those that ask at the same moment."""
+    """Return the sessions with a better claim to the name: those that publish under it, else claims of lower ids."""
     mine = transport.session
     at_work = _sessions(transport, "pub", node.node) - {mine}
     return sorted(at_work) or sorted(each for each in _sessions(transport, "node", node.node) if each < mine)

@@ -1,4 +1,4 @@
-"""The network that the command line's options select: by default that of the running fleet."""
+"""The network selected by the options of the command line, by default that of the running fleet."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class NetworkAddress(NamedTuple):
 
     @property
     def arguments(self) -> list[str]:
-        """The words with which a service is started there."""
-        far = () if is_local(endpoint(self.router)) else ("--topology", "star")  # peers meet on one machine alone
+        """The command-line options that start a service on this network."""
+        far = () if is_local(endpoint(self.router)) else ("--topology", "star")  # peers connect only on one machine
         return ["--connect", self.router, *(("--domain", self.domain) if self.domain else ()), *far]
 
 
 def resolve_address(connect: str = "", domain: str = "", port: int | None = None) -> NetworkAddress:
-    """The network that the options name; raises BadInput where several fleets run and none is chosen."""
+    """Return the network that the options select; raises BadInput if several fleets run and none is chosen."""
     if not connect and running_fleets():
         fleet = select_fleet(port)
         return NetworkAddress(fleet_router(fleet), domain or fleet.domain)
@@ -33,12 +33,12 @@ def resolve_address(connect: str = "", domain: str = "", port: int | None = None
 
 
 def fleet_router(fleet: FleetInstance) -> str:
-    """The endpoint of a running fleet's router, as its supervisor recorded it: the environment may differ here."""
+    """Return the endpoint of a running fleet's router, as recorded by its supervisor: the environment may differ."""
     return fleet.router or router_endpoint(fleet.port)
 
 
 def port_of_fleet(name: str, port: int | None = None) -> int:
-    """The port of the running fleet ``name``, of the one on ``port`` if several have this name; raises BadInput."""
+    """Return the port of the running fleet ``name``, of the one on ``port`` if several have it; raises BadInput."""
     fleets = running_fleets()
     found = [each for each in fleets if each.fleet == name and port in (None, each.port)]
     if len(found) == 1:
@@ -51,7 +51,7 @@ def port_of_fleet(name: str, port: int | None = None) -> int:
 
 
 def select_fleet(port: int | None) -> FleetInstance:
-    """The fleet that runs on ``port``, or the only one; raises BadInput."""
+    """Return the fleet that runs on ``port``, or the only one; raises BadInput."""
     fleets = running_fleets()
     if not fleets:
         raise BadInput("no fleet is running: start one with ./elea up")
@@ -65,7 +65,7 @@ def select_fleet(port: int | None) -> FleetInstance:
 
 
 def _choices(fleets: Sequence[FleetInstance]) -> str:
-    """``--fleet bare, --fleet two``; by port where two have one name."""
+    """Format ``--fleet bare, --fleet two``; with ports where several fleets have the same name."""
     names = [each.fleet for each in fleets]
     return ", ".join(
         f"--fleet {each.fleet}" if names.count(each.fleet) == 1 else f"--port {each.port} ({each.fleet})"

@@ -32,18 +32,18 @@ Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
 MAX_KEPT_NUMBERS = 4096
-"""Maximum closed publications whose sequence numbers are kept for a restart; the oldest are forgotten."""
+"""Maximum closed publications whose sequence numbers are kept in case they restart; the oldest are dropped."""
 CLOCK_PATIENCE_S = 2.0
-"""Wall time without a first clock after which a node says so."""
+"""Wall time [s] without a first clock after which a node logs a warning."""
 
 _PINGS = 16
-"""Pings answered in one turn."""
+"""Maximum pings answered in one turn of the loop."""
 _LONGEST_REASON = 400
-"""Bytes of the reason for which a node is asked to end; the rest is left out."""
+"""Maximum bytes of the reason in a shutdown request; the rest is cut off."""
 
 
 class Extension(Protocol):
-    """Something that a node's loop serves along with the node's own work."""
+    """An addition to a node that its loop serves along with the node's own work."""
 
     def spin_once(self) -> None:
         """Do the work that is due, without blocking."""
@@ -51,34 +51,34 @@ class Extension(Protocol):
 
 
 class Node:
-    """Everything of a node but its time. Used by one thread, the loop's."""
+    """A node without its pacing. Used by the loop's thread only."""
 
     def __init__(self, transport: Transport, identity: Identity, kind: str, log: Log, sole: bool = True) -> None:
-        """Make a node of a service's ``kind``.
+        """Create a node of a service's ``kind``.
 
-        One that is not the ``sole`` node of its process leaves to its container what is done once for all of them:
-        taking their names, and looking whether they are cut off.
+        If it is not the ``sole`` node of its process, its container does what is needed once for all nodes: claiming
+        their names, and checking that they are reachable.
         """
         self.transport, self.identity, self.kind, self.log = transport, identity, kind, log
         self.heartbeat = Heartbeat(identity.node, log)
         self.send_buffer = SendBuffer()
         self.command_buffer: SendBuffer | None = None
-        """Where commands wait for those of other nodes with which they act, if they do."""
+        """Collects commands to send them together with those of other nodes; None to send each at once."""
         self.subscribers: list[Subscriber[Any]] = []
         self.publishers: list[Publisher[Any]] = []
         self.version = 0
-        """Grows with each subscription and publication that begins or ends."""
+        """Incremented by each subscription and publication that begins or ends."""
         self.refusal_counters: list[RefusalCounter] = []
-        """Of keys that no input reads; the health lists those that refused something."""
+        """Counters of keys that no subscriber reads; the health lists those that refused something."""
         self.request_server = RequestServer(transport, log)
         self.request_handlers = self.request_server.served
         self.extensions: list[Extension] = []
-        """Served by the loop along with the node's own work, as the client of the parameter service."""
+        """Served by the loop along with the node's own work, such as the client of the parameter service."""
         self.clock_patience_s = CLOCK_PATIENCE_S
         self.on_asked_to_end: Callable[[str], None] | None = None
-        """Called with the reason when another process asks this node to end, if others may."""
+        """Called with the reason when another process asks this node to end; None if none may."""
         self.replaceable = False
-        """Whether a node of its name that starts later ends this one; so it takes the name of such a one itself."""
+        """Whether a later node of the same name ends this one; it also takes over the name from such a node itself."""
         self.stopping = self.calling = False
         self._tokens: dict[tuple[Kind, str, str], Token] = {}
         self._numbers: dict[str, int] = {}
@@ -88,7 +88,7 @@ class Node:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its name, as those of one member of lockstep."""
+        """The node's name, as the only one of a lockstep member."""
         return (self.identity.node,)
 
     def __enter__(self) -> Self:
@@ -119,10 +119,10 @@ class Node:
         decode: Callable[[bytes], Any] | None = None,
         rare: bool = False,
     ) -> Subscriber[M]:
-        """Subscribe to a topic, under another name if one is given; one subscription serves all its readers.
+        """Subscribe to a topic, under another name if one is given; its readers in this node share one subscription.
 
-        ``decode`` reads the payloads of a type that this project does not know; ``rare`` is said of a topic that hardly
-        ever carries anything, and that no loop waits on.
+        ``decode`` decodes the payloads of a type that this project does not know; ``rare`` is for topics that rarely
+        carry anything and that no loop waits on.
         """
         absolute = self.identity.resolve(name or topic.name)
         for known in self.subscribers:
@@ -134,16 +134,16 @@ class Node:
         return made
 
     def attach(self, subscriber: Subscriber[Any]) -> None:
-        """Make a subscription one of this node's: it is shown in the graph and counted in the health."""
+        """Add a subscription to this node: it is shown in the graph and counted in the health."""
         self.subscribers.append(subscriber)
         self.version += 1
         topic = subscriber.topic
         self._declare("sub", subscriber.name, topic.record.ROS_TYPE, topic.quality.name)
 
     def advertise(self, topic: Topic[M], name: str | None = None) -> Publisher[M]:
-        """Publish on a topic, under another name if one is given.
+        """Declare a publication of a topic, under another name if one is given.
 
-        One that was forgotten and begins again goes on with its numbers: its readers would drop the old ones.
+        If it was closed before, its sequence numbers continue: subscribers would drop repeated ones.
         """
         absolute = self.identity.resolve(name or topic.name)
         for known in self.publishers:
@@ -158,7 +158,7 @@ class Node:
         return made
 
     def unregister(self, *ends: Subscriber[Any] | Publisher[Any]) -> None:
-        """End subscriptions and publications, as when a robot leaves the world."""
+        """End subscriptions and publications, for example when a robot is deleted."""
         self.send_buffer.flush()
         self.version += 1
         for end in ends:
@@ -176,7 +176,7 @@ class Node:
     def serve(
         self, request: Request[Q, R], handler: Callable[[Q], R | DeferredReply[R]], name: str | None = None
     ) -> None:
-        """Answer a request in this node's loop.
+        """Serve a request in this node's loop.
 
         The handler raises BadInput to refuse with a reason; it returns a ``DeferredReply`` to answer later.
         """
@@ -185,15 +185,15 @@ class Node:
         self.declare_server(absolute, request.request_type.ROS_TYPE)
 
     def declare_server(self, name: str, ros_type: str) -> None:
-        """Show that this node serves ``name``."""
+        """Declare to the graph that this node serves ``name``."""
         self._declare("srv", name, ros_type, "-")
 
     def withdraw_server(self, name: str, ros_type: str) -> None:
-        """Show that this node no longer serves ``name``."""
+        """Declare to the graph that this node no longer serves ``name``."""
         self._tokens.pop(("srv", name, ros_type)).close()
 
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
-        """Call another node's request; raises CallFailed. The caller's loop blocks until the reply, the deadline, or
+        """Call another node's request; raises CallFailed. The caller's loop blocks until the reply or the deadline, or
         until the process is asked to end (Stopped).
         """
         self.send_buffer.flush()
@@ -204,18 +204,18 @@ class Node:
             self.calling = False
 
     def declare_stepping(self, period_ns: int) -> None:
-        """Show that the node's ticks may begin: its inputs are declared."""
+        """Declare that the node's inputs are declared and its ticks may begin."""
         entity = Entity(self.transport.session, "step", self.identity.node, detail=str(period_ns))
         self._tokens["step", self.identity.node, ""] = self.transport.declare_token(entity.key)
 
     def declare_ready(self) -> None:
-        """Report once that the node is running, for a node without ticks."""
+        """Declare once that the node is running, for a node without ticks."""
         if not any((kind, self.identity.node, "") in self._tokens for kind in ("ready", "step")):
             entity = Entity(self.transport.session, "ready", self.identity.node)
             self._tokens["ready", self.identity.node, ""] = self.transport.declare_token(entity.key)
 
     def leave(self) -> None:
-        """Take the node from the network, whose process goes on with others; the last heartbeat says so."""
+        """Remove the node from the network while its process continues with others; sends a last heartbeat."""
         self.heartbeat.state = "stopping"
         self.heartbeat.request_now()
         self.publish_heartbeat()
@@ -231,7 +231,7 @@ class Node:
             token.close()
 
     def spin_once(self) -> None:
-        """The work of every loop: end when asked (Stopped), answer requests, send the heartbeat."""
+        """Do the work of every loop: stop when asked (Stopped), answer requests, send the heartbeat."""
         if self.stopping:
             raise Stopped("the process was asked to end")
         self.request_server.spin_once()
@@ -255,13 +255,13 @@ class Node:
             self.on_asked_to_end(reason if reason.isprintable() else repr(reason))
 
     def wait(self, inlet: RawSubscriber) -> None:
-        """Spin once, then block until a sample, a wake-up or a tenth of a second; held samples are sent first."""
+        """Spin once, send held samples, then block until a sample or a wake-up arrives, or for 0.1 s."""
         self.spin_once()
         self.send_buffer.flush()
         self.transport.wait(inlet)
 
     def update_subscribers(self, marks: Watermarks | None = None) -> None:
-        """Take the snapshot of all inputs; with ``marks``, wait up to WAIT_BUDGET_S for the samples that they name."""
+        """Take the snapshot of all inputs; with ``marks``, wait up to WAIT_BUDGET_S for the samples they require."""
         if marks is None:
             for each in self.subscribers:
                 if each.pending:
@@ -281,7 +281,7 @@ class Node:
             )
 
     def _present_members(self) -> set[bytes] | None:
-        """The ids of all nodes whose tokens are there; None if the network does not say it in time."""
+        """Return the ids of all nodes that have a token; None if the network does not answer in time."""
         try:
             nodes = [Entity.parse(each) for each in self.transport.all_tokens(token_pattern("node"))]
         except TryAgain:
@@ -289,18 +289,18 @@ class Node:
         return {member_id(each.node, each.session) for each in nodes if each is not None}
 
     def publish_heartbeat(self) -> None:
-        """Send the heartbeat if it is time; ``spin_once`` does this, among others."""
+        """Send the heartbeat if it is due; part of ``spin_once``."""
         if not self.heartbeat.is_due(self._health):
             return
         self.heartbeat.publish(self._health, *self._ends())
 
     def _ends(self) -> tuple[list[Subscriber[Any] | RefusalCounter], list[Publisher[Any]], Refusals]:
-        """The subscribers, publishers and refused requests that its health lists."""
+        """Return the subscribers, publishers and refused requests for the node's health."""
         refusing = [each for each in self.refusal_counters if each.refused]
         return [*self.subscribers, *refusing], self.publishers, self.request_server.refusals
 
     def _publish_heartbeat_in_burst(self) -> None:
-        """Send the heartbeat at once while a tick waits for samples: the burst of the tick may leave too late."""
+        """Send the heartbeat at once while a tick waits for samples: the tick's burst may be sent too late."""
         held = self.send_buffer.held is not None
         self.send_buffer.flush()
         self.publish_heartbeat()

@@ -26,21 +26,21 @@ from services.runtime.transport.sequences import RefusalCounter
 from services.runtime.transport.wire import encoding, publisher_id, unpack_attachment
 
 SILENCE_S = 0.5
-"""Wall time without a clock after which the loop calls itself waiting."""
+"""Wall time [s] without a clock after which the node's state is ``waiting``."""
 
 CLOCK_SILENCE_S = 3.0
 """Wall time [s] without a sample after which another publisher's clock is followed; a paused clock is still sent ten
 times a second."""
 
 LOOK_S = 0.05
-"""Wall time [s] between two looks for peers that are not visible: each is a query to the network."""
+"""Wall time [s] between two checks for peers that are not visible yet: each is a query to the network."""
 
 _CLOCKS = 16
-"""Clock samples kept and read at once; only the newest counts."""
+"""Maximum clock samples queued and read at once; only the newest counts."""
 
 
 class Instant(NamedTuple):
-    """A point of simulation time: ns, epoch (one more at each reset), and which run of a simulation it is."""
+    """A point in simulation time [ns], its epoch (incremented by each reset), and the run of the simulation."""
 
     time: int
     epoch: int
@@ -54,31 +54,31 @@ class Pacer(Protocol):
     watermarks: Watermarks | None
 
     def start(self) -> None:
-        """All inputs are declared; ticks may begin."""
+        """Begin ticking; called once all inputs are declared."""
         ...
 
     def next(self) -> Instant | None:
-        """The next tick, or None when there is nothing to do but wait."""
+        """Return the next tick, or None if the loop has to wait."""
         ...
 
     def finish(self) -> None:
-        """The tick's work is done."""
+        """End the tick; called when its work is done."""
         ...
 
     def close(self) -> None:
-        """There will be no more ticks."""
+        """Stop ticking."""
         ...
 
 
 class Vital(Protocol):
-    """State and note of a heartbeat, or of several."""
+    """State and detail of a heartbeat, or of several."""
 
     state: State
     detail: str
 
 
 class SteppingNode(Protocol):
-    """What a pacer needs of a node, or of the nodes that step together as one member of lockstep."""
+    """The part of a node that a pacer uses; also implemented by the nodes that form one lockstep member."""
 
     clock_patience_s: float
     refusal_counters: list[RefusalCounter]
@@ -102,7 +102,7 @@ class SteppingNode(Protocol):
 
 
 class ClockWatchdog:
-    """Notices that no time arrives, and says it once, with a ``hint`` for those who can do without."""
+    """Detects a missing clock and logs it once, with a ``hint`` for nodes that can work without one."""
 
     def __init__(self, node: SteppingNode, log: Log, hint: str = "") -> None:
         self._hint = f"; {hint}" if hint else ""
@@ -112,13 +112,13 @@ class ClockWatchdog:
         self._ever = self._logged = False
 
     def note_sample(self, paused: bool) -> None:
-        """Time has arrived."""
+        """Note that a clock sample has arrived."""
         self._last_sample, self._ever = time.monotonic(), True
         self._heart.state = "paused" if paused else "running"
         self._heart.detail = ""
 
     def check(self) -> None:
-        """Nothing has arrived since the last look."""
+        """Update the state and log a missing clock; called when no sample has arrived."""
         if self._heart.state == "paused":
             return
         silence = time.monotonic() - self._last_sample
@@ -130,7 +130,7 @@ class ClockWatchdog:
 
 
 def _where(transport: Transport) -> str:
-    """Why there may be no clock: the fleet is still starting, one runs elsewhere on this machine, or none does."""
+    """Return the likely cause of a missing clock: the fleet is starting, runs on another port, or does not run."""
     if transport.tokens(token_pattern("node", SUPERVISOR)):
         return "the fleet is still starting, or its simulation has ended: ./elea ps shows its processes"
     there = running_fleets()
@@ -145,8 +145,8 @@ def _where(transport: Transport) -> str:
 class ClockSource:
     """Chooses the publisher whose ``/clock`` a loop follows; samples of others are counted and their sender is logged.
 
-    It is the first one received, until its token goes or it is silent for CLOCK_SILENCE_S. A node is preferred to a
-    publisher without a token, and the simulation to all others, so that all loops agree.
+    It is the first one received, until its token disappears or it is silent for CLOCK_SILENCE_S. A node is preferred to
+    a publisher without a token, and the simulation to all others, so that all loops choose the same one.
     """
 
     def __init__(self, node: Node) -> None:
@@ -154,13 +154,13 @@ class ClockSource:
         self._name, self._key = node.identity.resolve(CLOCK.name), node.identity.key(CLOCK.name)
         self._watch = node.transport.watch(token_pattern("pub", name=self._name))
         self._nodes: dict[bytes, str] = {}
-        """By publisher id, the nodes that hold a token for it."""
+        """The node that holds the token of each publisher id."""
         self._source: bytes | None = None
         self._last_sample = -math.inf
         self.counts = RefusalCounter("pacing: " + self._name)
 
     def follows(self, publisher: bytes) -> bool:
-        """Whether the loop follows this publisher (empty if foreign), of which a sample has just arrived."""
+        """Return whether to follow the publisher (empty if foreign) of a sample that has just arrived."""
         now = time.monotonic()
         if publisher != self._source:
             self._look()
@@ -248,7 +248,7 @@ class ClockPacer:
         return Instant(now, clock.epoch, str(self._jumps))
 
     def _missed(self, passed: list[int], now: int) -> int:
-        """How many ticks were missed at the times ``passed`` [ns], skipped in favour of the newest, ``now``."""
+        """Count the ticks missed because the clocks at ``passed`` [ns] were skipped for the newest one at ``now``."""
         missed, due = 0, self._next
         for time_ns in passed:
             if time_ns >= due:
@@ -263,10 +263,10 @@ class ClockPacer:
 
 
 class LockstepPacer:
-    """Ticks when the simulation lets it.
+    """Ticks when the simulation grants a step.
 
-    A loop that subscribes to topics between two ticks ``reports_reads``: it gets their messages from the next tick on,
-    the same in every run, whenever its subscription reached their publishers.
+    With ``reports_reads``, the loop reports topics that it subscribes to between ticks: it gets their messages from the
+    next tick on, the same in every run, whenever the subscription reached their publishers.
     """
 
     def __init__(self, node: SteppingNode, period_ns: int, reports_reads: bool = False) -> None:
@@ -304,14 +304,17 @@ class LockstepPacer:
         if go.paused:
             return None
         self._step = go
-        # The simulation waits for commands and Done; all other samples of the step leave after them, in one burst.
+        # The simulation waits for commands and Done; all other samples of the step are sent after them, in one burst.
         self._node.send_buffer.begin()
         return Instant(go.time, go.epoch, go.simulation)
 
     def finish(self, leaving: bool = False, left: tuple[str, ...] = (), idle_until: int = 0) -> None:
-        """The tick's work is done, and it was the last of all nodes, or of those that have ``left``.
+        """Report the tick's work as done.
 
-        Before ``idle_until`` [ns of simulation time] there is nothing to do unless messages come.
+        Args:
+            leaving: Whether it was the last tick of the member.
+            left: The nodes of the member for which it was the last tick.
+            idle_until: Simulation time [ns] before which no step is needed unless messages arrive.
         """
         assert self._step is not None
         reads, latches = self._changes()
@@ -324,7 +327,7 @@ class LockstepPacer:
         self._member.close()
 
     def _changes(self) -> tuple[tuple[str, ...], tuple[bytes, ...]]:
-        """The keys read and the publishers of latched topics that are new since the last call."""
+        """Return the keys read and the publishers of latched topics that are new since the last call."""
         node = self._node
         if node.version == self._version:
             return (), ()
@@ -336,7 +339,7 @@ class LockstepPacer:
         return tuple(reads) if self._reports_reads else (), tuple(latches)
 
     def _joined(self, greeting: StepGrant) -> None:
-        """Answer at once if all peers are visible, else when they are; only the newest join waits for that."""
+        """Answer a join at once if all peers are visible, else once they are; a newer join replaces a waiting one."""
         if self._joining is not None and self._joining.simulation != greeting.simulation:
             self._link()
         self._silence.note_sample(greeting.paused)
@@ -346,7 +349,7 @@ class LockstepPacer:
         self._link()
 
     def _link(self) -> None:
-        """Answer the join once all peers are visible, or after LINK_S without some."""
+        """Answer the join once all peers are visible, or after LINK_S in any case."""
         now = time.monotonic()
         if self._joining is None or now - self._looked < LOOK_S:
             return

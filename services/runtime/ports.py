@@ -1,4 +1,4 @@
-"""TCP ports: a free one, whether one is in use, and why a server cannot listen on one."""
+"""TCP ports: find a free one, check whether one is in use, and why a server cannot listen on one."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ LOOPBACK = "127.0.0.1"
 
 
 def free_port() -> int:
-    """A port that was free a moment ago, chosen by the system."""
+    """Return a port chosen by the system that was free at the time of the call."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
 
 
 def first_free_port(port: int) -> int:
-    """``port`` if a server can listen on it, else the first free one of the next 99; ``port`` if there is none."""
+    """Return the first port from ``port`` to ``port + 99`` that a server can listen on; ``port`` if there is none."""
     return next((each for each in range(port, min(port + 100, 65536)) if not bind_error(each)), port)
 
 
 def port_in_use(port: int, timeout: float = 0.5) -> bool:
-    """Whether a program accepts connections on a port within ``timeout`` [s]."""
+    """Return whether a program accepts connections on a loopback port within ``timeout`` [s]."""
     with socket.socket() as probe:
         probe.settimeout(timeout)
         return probe.connect_ex((LOOPBACK, port)) == 0
 
 
 def bind_error(port: int, host: str = LOOPBACK) -> OSError | None:
-    """Why a server could not listen on a port of a name or address, or None when it could."""
+    """Return the error of listening on a port of a host name or address, or None if it would succeed."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE

@@ -1,4 +1,4 @@
-"""The life of a service process: it dies with its parent, with any of its threads, and when it is asked to."""
+"""Process life cycle: end with the parent, with any thread, and on signals."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ PARENT = "ELEA_PARENT_PID"
 """Environment variable by which a supervisor asks its children not to outlive it."""
 
 SWEEP = "ELEA_SWEEP_PID"
-"""The same for the runs of a sweep, which are supervisors themselves."""
+"""The same from a sweep to its runs, which are supervisors themselves."""
 
 PROGRAM = "ELEA_PROGRAM"
-"""Environment variable by which ``./elea run`` says how the service was called, for its usage line."""
+"""Environment variable with the command that started the service, set by ``./elea run`` for the usage line."""
 
 CLOSE_S = 5.0
-"""Wall time in which a process must have left the network once its loop has ended."""
+"""Wall time [s] within which a process must leave the network after its loop has ended."""
 
 _PR_SET_PDEATHSIG = 1
 _DEAD_THREAD = 70
 
 
 def check_import_roots() -> None:
-    """End when another package has taken the name of one of ours; raises BadInput."""
+    """Raise BadInput if a package of another project is imported under the name of one of ours."""
     for name in ("messages", "services", "models"):
         module = __import__(name)
         if Path(str(module.__file__)).resolve().parent != ROOT / name:
@@ -48,9 +48,9 @@ def check_import_roots() -> None:
 
 
 def die_with_parent(variable: str = PARENT) -> None:
-    """Be killed when the process that started this one dies, however it dies; ``variable`` has its id, if it asks.
+    """Have the kernel kill this process when its parent dies, if the environment ``variable`` has the parent's id.
 
-    The variable is taken out: what this process starts has another parent.
+    The variable is removed: child processes have another parent.
     """
     parent = os.environ.pop(variable, "")
     if not parent.isdigit():
@@ -61,12 +61,12 @@ def die_with_parent(variable: str = PARENT) -> None:
 
 
 def set_batch_scheduling() -> None:
-    """Let the simulation keep its core: from now on, waking this process and its threads interrupts no other."""
+    """Use batch scheduling, so that waking this process never preempts others: the simulation keeps its core."""
     os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
 def die_with_threads() -> None:
-    """End the process, with the traceback, when any of its threads dies of an exception, the main one too."""
+    """End the process, with the traceback, if any of its threads dies of an exception, including the main thread."""
 
     def report(dead: threading.ExceptHookArgs) -> None:
         name = dead.thread.name if dead.thread else "?"
@@ -84,8 +84,8 @@ def die_with_threads() -> None:
 
 
 def lossy_stderr() -> None:
-    """Ignore write errors on standard error from now on, as of a closed pipe or a full disk: a lost message must not
-    end the process.
+    """Ignore write errors on standard error, such as a closed pipe or a full disk: a lost message must not end the
+    process.
     """
     if sys.stderr is None or sys.stderr is not sys.__stderr__:
         return
@@ -117,13 +117,13 @@ def install_signal_handlers(stop: Callable[[], None]) -> None:
 def exit_now(status: int) -> None:
     """Exit at once, even if native threads are still running."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # its reader has gone
+        with suppress(OSError, ValueError):  # its reader has closed it
             stream.flush()
     os._exit(status)
 
 
 def exit_within(seconds: float, status: int) -> None:
-    """Leave after ``seconds`` if leaving in an orderly way hangs."""
+    """Exit with ``status`` after ``seconds`` if the orderly shutdown hangs."""
     timer = threading.Timer(seconds, exit_now, (status,))
     timer.daemon = True
     timer.start()

@@ -1,4 +1,4 @@
-"""Publishers: typed messages, numbered and attributed to their sender, sent at once or in bursts."""
+"""Publishers: send typed messages with a sequence number and their sender's id, at once or in bursts."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ Put = Callable[..., Any]
 
 
 class SendBuffer:
-    """Collects samples between ``begin`` and ``flush``, and passes them on in order.
+    """Collects samples between ``begin`` and ``flush``, and sends them in order.
 
-    ``held`` are the samples, None outside a burst; publishers read it directly, once for each message. A burst travels
-    in few packets and wakes each reader once or twice, not once for each sample.
+    ``held`` are the samples, None outside a burst; publishers read it directly, once per message. A burst needs few
+    packets and wakes each subscriber once or twice instead of once per sample.
     """
 
     def __init__(self) -> None:
         self.held: list[tuple[Put, bytes, bytes]] | None = None
 
     def put(self, put: Put, payload: bytes, attachment: bytes) -> None:
-        """Send a sample by the ``put`` of its outlet, or keep it for the burst."""
+        """Send a sample with the ``put`` of its outlet, or hold it during a burst."""
         if self.held is None:
             put(payload, attachment=attachment)
         else:
             self.held.append((put, payload, attachment))
 
     def begin(self) -> None:
-        """Begin a burst; it ends by itself when the node's loop waits."""
+        """Begin a burst; it ends at ``flush``, at the latest when the node waits."""
         if self.held is None:
             self.held = []
 
     def flush(self) -> None:
-        """Send the held samples, and further ones at once."""
+        """Send the held samples and end the burst: further ones are sent at once."""
         held, self.held = self.held, None
         for put, payload, attachment in held or ():
             put(payload, attachment=attachment)
@@ -50,7 +50,7 @@ M = TypeVar("M", bound=Message)
 class Publisher(Generic[M]):
     """One publication; ``sent`` is the number of the last sample, ``reported`` the last one reported to lockstep.
 
-    Samples wait in ``outbox`` while that holds a burst, commands in ``commands`` alone.
+    During a burst, samples are held in ``outbox``; commands are held in ``commands`` only.
     """
 
     def __init__(
@@ -67,25 +67,25 @@ class Publisher(Generic[M]):
         self.publisher = publisher_id(node, transport.session, key)
         self.sent = self.reported = 0
         self.announced = False
-        """Whether a node has announced that it reads this: ``SubscriptionTokens`` sets it, where they are followed."""
+        """Whether a node has declared a subscription; set by ``SubscriptionTokens.mark`` where tokens are followed."""
         self._record = topic.record
         quality = topic.quality
         if quality is Quality.COMMAND:
-            # A command waits for no burst, or what holds it back would act later; but for those of its fellows, with
-            # which it then shares packets.
+            # A burst would delay a command's effect, so it is held only for the commands of nodes in the same
+            # process, with which it then shares packets.
             outbox, quality = commands, quality if commands is None else Quality.VITAL
         self._raw = transport.advertise(key, encoding(topic.record.ROS_TYPE), quality)
         self._put = self._raw.put
         self._outbox = SendBuffer() if outbox is None else outbox
 
     def publish(self, message: M) -> None:
-        """Send ``message``; raises TypeError when it is not the topic's record."""
+        """Publish ``message``; raises TypeError if it is not of the topic's type."""
         if type(message) is not self._record:
             raise TypeError(f"{self.name} carries {self._record.__name__}, not {type(message).__name__}")
         self.publish_encoded(encode(message))
 
     def publish_encoded(self, payload: bytes, source_ns: int | None = None) -> None:
-        """Publish an encoded record of the topic's type, at ``source_ns`` of the system clock: now by default."""
+        """Publish an encoded record of the topic's type, sent at ``source_ns`` of the system clock (default: now)."""
         self.sent = sent = self.sent + 1
         attachment = pack_attachment(sent, self.publisher, source_ns)
         if (held := self._outbox.held) is None:
@@ -95,7 +95,7 @@ class Publisher(Generic[M]):
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether the topic has subscribers; costly messages need not be made without."""
+        """Whether the topic has subscribers; without any, costly messages need not be created."""
         return self.announced or self._raw.has_subscribers
 
     def close(self) -> None:
@@ -103,5 +103,5 @@ class Publisher(Generic[M]):
         self._raw.close()
 
     def health(self) -> OutputHealth:
-        """The count, as it is shown."""
+        """Return the count of sent samples for the node's health."""
         return OutputHealth(topic=self.name, sent=self.sent)

@@ -1,4 +1,4 @@
-"""Requests: calling a server with a deadline, and serving with bounded work in each turn, at once or later."""
+"""Requests: calls with a deadline, and servers that do bounded work per turn and reply at once or later."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def call(transport: Transport, request: Request[Q, R], key: str, message: Q, tim
 
 
 def read_replies(request: Request[Q, R], key: str, replies: Sequence[Reply], timeout: float, transport: Transport) -> R:
-    """The response in ``replies``; raises CallFailed as ``call`` does. ``transport`` names the servers in errors."""
+    """Return the response in ``replies``; raises CallFailed like ``call``. Errors list the servers on ``transport``."""
     name = f"/{key}"
     if not replies:
         raise NoAnswer(f"no server for {name}: is the process that provides it running?")
@@ -59,9 +59,9 @@ def read_replies(request: Request[Q, R], key: str, replies: Sequence[Reply], tim
 
 
 def check_single(name: str, replies: Sequence[Reply], transport: Transport) -> None:
-    """Raise SeveralServers, with their names, when more than one process answered the request ``name``.
+    """Raise SeveralServers, with their names, if more than one process answered the request ``name``.
 
-    A process that has died does not answer, and does not count although its token may still be visible.
+    A dead process does not answer, so it does not count even while its token is still visible.
     """
     sessions = sorted({each.session for each in replies if each.session})
     if len(sessions) < 2:
@@ -75,7 +75,7 @@ def check_single(name: str, replies: Sequence[Reply], transport: Transport) -> N
 
 
 def servers(transport: Transport, name: str = "*") -> list[Entity]:
-    """The tokens of the nodes that serve the request ``name``, or any request."""
+    """Return the tokens of the nodes that serve the request ``name``, by default any request."""
     found = (Entity.parse(key) for key in transport.tokens(token_pattern("srv", "*", name)))
     return [each for each in found if each is not None]
 
@@ -88,23 +88,23 @@ def _reason_of(name: str, payload: bytes) -> str:
 
 
 MAX_PER_TURN = 16
-"""Requests that a node answers in one turn of its loop; the heartbeat comes between two turns."""
+"""Maximum requests that a node answers in one turn of its loop; heartbeats are sent between turns."""
 MAX_TURN_S = 0.02
-"""Wall time after which a turn begins no further one."""
+"""Wall time [s] after which a turn starts no further request."""
 DUPLICATE_S = 2.0
 """Wall time [s] that a second server of a request must be visible before it is logged. The token of a killed process
 disappears at once if its machine is up, and within the lease of a link (2 s) if it is not."""
 INTERNAL = "internal error"
-"""Prefix of the refusal when a handler fails, which says nothing about the request."""
+"""Prefix of the refusal when a handler fails, as opposed to a bad request."""
 _LONGEST_TRACE = 4000
 _LOG_S = 1.0
 
 
 class DeferredReply(Generic[R]):
-    """The reply to a request that is answered later: a handler returns it in place of the response.
+    """A reply that a handler returns in place of the response, to send the response later.
 
-    The query stays open until ``answer`` is called. A caller whose own deadline passes first no longer sees the reply;
-    the request is carried out all the same. Queries that are still open when the node closes are refused.
+    The query stays open until ``answer`` is called. A caller whose deadline passes first does not get the reply, but
+    the request is still carried out. Queries still open when the node closes are refused.
     """
 
     def __init__(self) -> None:
@@ -115,28 +115,28 @@ class DeferredReply(Generic[R]):
         self._answer = answer
 
     def answer(self, response: Callable[[], R | DeferredReply[R]]) -> None:
-        """Send what ``response`` returns, or refuse the request with the error that it raises.
+        """Send the result of ``response``, or refuse the request with the error that it raises.
 
-        A ``DeferredReply`` that it returns takes the place of this one.
+        If it returns another ``DeferredReply``, that one replaces this one.
         """
         assert self._answer is not None, "a reply is deferred by returning it from the handler"
         self._answer(response)
 
 
 class RequestGate(Protocol):
-    """Decides when requests are carried out that their sender has put its name beside."""
+    """Decides when to carry out requests that carry the id of their sender as an attachment."""
 
     def hold(self, sender: bytes, carry_out: Callable[[], None]) -> bool:
-        """Keep a request for later; False to have it carried out at once."""
+        """Hold a request for later; returns False to have it carried out at once."""
         ...
 
     def release(self) -> None:
-        """Carry out those whose time has come; called in each turn of the node's loop."""
+        """Carry out the held requests that are due; called in each turn of the node's loop."""
         ...
 
 
 class RequestHandler(Generic[Q, R]):
-    """One request that a node answers."""
+    """The server of one request of a node."""
 
     def __init__(
         self,
@@ -155,11 +155,11 @@ class RequestHandler(Generic[Q, R]):
         self._open: dict[DeferredReply[R], Query] = {}
 
     def answer(self, gate: RequestGate | None = None) -> None:
-        """Answer the oldest request that waits, if one does, unless a ``gate`` keeps it for later.
+        """Answer the oldest waiting request, if any, unless a ``gate`` holds it for later.
 
-        A bad one gets its reason. When a handler fails, the caller gets an error, the log has the traceback, and the
-        process goes on: one request must not end a simulation. A request to a wildcard reaches every server that it
-        matches, and is refused by all.
+        A bad request is refused with the reason. If a handler fails, the caller gets an error, the traceback is logged
+        and the process continues: one request must not end a simulation. A request to a wildcard reaches every server
+        that it matches, and all of them refuse it.
         """
         if (query := self._server.recv()) is None:
             return
@@ -174,7 +174,7 @@ class RequestHandler(Generic[Q, R]):
             respond()
 
     def close(self) -> None:
-        """Refuse the requests whose replies were deferred and did not come."""
+        """Refuse the requests whose deferred replies were never sent."""
 
         def stopped() -> R:
             raise Stopped("the process ended before this was done")
@@ -183,7 +183,7 @@ class RequestHandler(Generic[Q, R]):
             reply.answer(stopped)
 
     def end(self) -> None:
-        """Serve no more."""
+        """Stop serving the request."""
         self._server.close()
 
     def _respond(self, query: Query, response: Callable[[], R | DeferredReply[R]]) -> None:
@@ -202,7 +202,7 @@ class RequestHandler(Generic[Q, R]):
             query.reply(reply)
 
     def _defer(self, query: Query, reply: DeferredReply[R]) -> None:
-        """Keep a query open until its reply comes, and wake the loop, which has to see to it."""
+        """Keep a query open until its deferred reply is sent, and wake the loop, which has to produce it."""
         self._open[reply] = query
 
         def answer(response: Callable[[], R | DeferredReply[R]]) -> None:
@@ -214,9 +214,9 @@ class RequestHandler(Generic[Q, R]):
 
 
 class RequestServer:
-    """All requests that a node answers, in turn, so that a flood of one does not keep the others out.
+    """Serves all requests of a node in round-robin order, so that a flood of one does not block the others.
 
-    ``refusals`` counts those that got an error for their answer; ``gate`` may keep some for later. The log says when
+    ``refusals`` counts the requests answered with an error; ``gate`` may hold some for later. A warning is logged if
     another process serves one of the same requests.
     """
 
@@ -229,7 +229,7 @@ class RequestServer:
         self._rivals: DuplicateServers | None = None
 
     def add(self, request: Request[Q, R], key: str, handler: Callable[[Q], R | DeferredReply[R]]) -> None:
-        """Answer ``request`` on ``key`` from the next turn on."""
+        """Serve ``request`` on ``key`` from the next turn on."""
         made = RequestHandler(request, key, handler, self._transport, self._log, self.refusals)
         self.served.append(made)
         self._order.append(made)
@@ -243,7 +243,7 @@ class RequestServer:
             each.close()
 
     def spin_once(self) -> None:
-        """Answer some of what waits; when more does, the loop is woken at once for its next turn."""
+        """Answer some of the waiting requests; if more may be waiting, wake the loop at once for its next turn."""
         if self._rivals is None:
             return
         self._rivals.update()
@@ -253,7 +253,7 @@ class RequestServer:
             self.gate.release()
 
     def _answer_some(self) -> bool:
-        """Answer what fits into a turn; whether more may wait."""
+        """Answer the requests that fit into one turn; returns whether more may be waiting."""
         began = 0.0
         for _ in range(MAX_PER_TURN):
             if (served := self._due()) is None:
@@ -265,7 +265,7 @@ class RequestServer:
         return True
 
     def _due(self) -> RequestHandler[Any, Any] | None:
-        """The next one, after the last that was answered, of which a request waits."""
+        """Return the next handler in turn that has a waiting request, or None."""
         for place, each in enumerate(self._order):
             if each.waiting:
                 self._order.rotate(-place - 1)
@@ -274,7 +274,7 @@ class RequestServer:
 
 
 class DuplicateServers:
-    """Other processes that serve the same requests as this one, as their tokens show."""
+    """Watches the tokens of other processes that serve the same requests as this one."""
 
     def __init__(self, transport: Transport, log: Log) -> None:
         self.names: set[str] = set()
@@ -284,7 +284,7 @@ class DuplicateServers:
         self._logged: set[tuple[str, str]] = set()
 
     def update(self) -> None:
-        """Follow the servers' tokens, and log second servers that have stayed."""
+        """Update from the servers' tokens, and log second servers visible for longer than DUPLICATE_S."""
         while (event := self._watch.poll()) is not None:
             entity = Entity.parse(event.key)
             if entity is not None and entity.session != self._session:

@@ -1,4 +1,4 @@
-"""The declaration of a service: name, loop, rate and parameters; and how one is read from a user's Python file."""
+"""The declaration of a service (name, loop, rate, parameters), and the loader of declarations in users' files."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from services.runtime.errors import BadInput, missing_file
 from services.runtime.parameters.base import Parameters
 
 Run = Callable[[Any], None]
-"""The loop of a service; it gets the Context, with the service's parameters."""
+"""The loop of a service; its argument is the Context, with the service's parameters."""
 
 Role = Literal["member", "observer", "free", "router"]
 """A service's role in simulation time.
 
 member: in lockstep, the simulation waits for it at each of its ticks.
-observer: lockstep continues once it has its snapshot, and waits at its next tick if it is still busy with the last.
+observer: in lockstep, the simulation waits only for its snapshot, and at its next tick if it is still busy then.
 free: the simulation never waits for it.
 router: the router, which all others join.
 """
@@ -33,7 +33,7 @@ _ALONE: dict[Role, str] = {
     "free": "the simulation never waits for it",
     "router": "all others join it",
 }
-"""Why a service of such a role needs a process of its own."""
+"""Why a service of this role needs a process of its own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,13 +44,13 @@ class Service:
         name: the kind, and the default name of its node.
         about: one line for the help.
         run: the loop, or ``"package.module:function"`` to import it late.
-        rate: rate of ``Context.ticks`` [Hz of simulation time]; None for a service that paces itself.
+        rate: rate of ``Context.ticks`` [Hz, in simulation time]; None for a service that paces itself.
         parameters: the record of its parameters.
         parameter_set: name of its parameter set, absolute or relative to its namespace; by default that of the node.
             Several services may share one set. None if its parameters never change at run time.
         role: its role in simulation time.
         rate_parameter: the parameter that replaces ``rate``, if there is one.
-        alone: why its node cannot share a process with others, where its role does not say it; empty if it can.
+        alone: why its node cannot share a process with others, for a reason besides its role; empty if it can.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Service:
         return self.role in ("member", "observer") and self.rate is not None
 
     def entry(self) -> Run:
-        """The loop itself, imported now if it was named by its place."""
+        """Return the loop, importing it now if ``run`` is ``"package.module:function"``."""
         if callable(self.run):
             return self.run
         module, _, function = self.run.partition(":")
@@ -86,9 +86,9 @@ _loading = ContextVar("loading", default=False)
 
 
 class ServiceCaptured(BaseException):
-    """Raised by ``main`` while a file is loaded, with the service that it would run.
+    """Raised by ``main`` while a file is loaded for its declaration, with the service that it would run.
 
-    No ``except Exception`` of the file stops it.
+    Not an Exception, so that the file's ``except Exception`` does not catch it.
     """
 
     def __init__(self, service: Service) -> None:
@@ -104,9 +104,12 @@ def capture(service: Service) -> None:
 
 @cache
 def load_user_service(file: str) -> Service:
-    """The service that the file passes to ``main``; raises BadInput if it does not exist, fails, or never calls it.
+    """Return the service that a file passes to ``main``.
 
-    The file is loaded in this process, with its folder on the path, as ``./elea run`` does.
+    The file is loaded in this process, with its folder on the path, as by ``./elea run``.
+
+    Raises:
+        BadInput: The file does not exist, fails to load, or never calls ``main``.
     """
     path = Path(file)
     if not path.is_file():
@@ -128,7 +131,7 @@ def load_user_service(file: str) -> Service:
 
 
 def _error_line(path: Path, error: BaseException) -> str:
-    """The last place in the file that the error came through."""
+    """Return ``file:line`` of the last frame of the error's traceback in the file."""
     if isinstance(error, SyntaxError):
         return f"{path}:{error.lineno}"
     lines = [each.lineno for each in traceback.extract_tb(error.__traceback__) if each.filename == str(path)]

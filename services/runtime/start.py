@@ -1,4 +1,4 @@
-"""Bring a service, or several in one container, up on the network and run the loops."""
+"""Start a service, or several in one container, on the network and run their loops."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, check_listen, configuration, default_router
 
 _MAX_LISTED = 8
-"""Nodes that are named at most."""
+"""Maximum nodes listed in an error."""
 
 
 def run_service(service: Service, options: dict[str, Any]) -> None:
-    """Open the transport, declare the node, run the loop; raises what ends it."""
+    """Open the transport, declare the node and run the loop; raises the error that ends it."""
     run = service.entry()
     identity: Identity = options["identity"]
     log = Log(identity.node, options["log_level"])
@@ -47,7 +47,7 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
         params = followed.params if followed is not None else options["params"]
         steps = options["lockstep"] and service.role != "router"  # which only forwards what the others send
         context = Context(node, params, service.rate, steps, service.role == "observer", followed)
-        install_signal_handlers(stop)  # so far a signal ended whatever was waited for
+        install_signal_handlers(stop)  # until here, a signal raised Stopped at once
         try:
             run(context)
         finally:
@@ -55,11 +55,11 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
 
 
 def run_container(members: Sequence[tuple[Service, dict[str, Any]]], network: dict[str, Any]) -> None:
-    """Open one transport, and run the loops of several services on it; raises what ends them.
+    """Open one transport and run the loops of several services on it; raises the error that ends them.
 
     Args:
-        members: Each service, with its options.
-        network: The options that all have in common.
+        members: Each service with its options.
+        network: The options that all of them share.
     """
     if network["lockstep"]:
         set_batch_scheduling()
@@ -86,14 +86,14 @@ def run_container(members: Sequence[tuple[Service, dict[str, Any]]], network: di
 def _run_component(
     service: Service, run: Run, options: dict[str, Any], node: Node, make_pacer: MakePacer | None
 ) -> None:
-    """The loop of one node of a container."""
+    """Run the loop of one node of a container."""
     followed = _parameter_subscription(service, node, options)
     params = followed.params if followed is not None else options["params"]
     run(Context(node, params, service.rate, options["lockstep"], False, followed, make_pacer))
 
 
 def _failure(failure: NodeFailed, nodes: Sequence[str]) -> EleaError:
-    """The error of a container's process; the traceback of one that is not ours is printed."""
+    """Return the error of a container's process; prints the traceback unless it is an EleaError."""
     error = failure.error
     others = [each for each in nodes if each != failure.node]
     listed = ", ".join(others[:_MAX_LISTED]) + (f" and {len(others) - _MAX_LISTED} more" * (len(others) > _MAX_LISTED))
@@ -106,7 +106,7 @@ def _failure(failure: NodeFailed, nodes: Sequence[str]) -> EleaError:
 
 
 def _parameter_subscription(service: Service, node: Node, options: dict[str, Any]) -> ParameterSubscription[Any] | None:
-    """The service's set, as the parameter service has it; None for a service without one."""
+    """Subscribe to the service's parameter set; None for a service without one."""
     if service.parameter_set is None or not options["params"].__struct_fields__:
         return None
     ParameterClient.of(node, quiet=service.role == "router").expected = options["await_params"]
@@ -123,7 +123,7 @@ def _parameter_subscription(service: Service, node: Node, options: dict[str, Any
 
 
 def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:
-    """Zenoh's configuration: the router listens as its parameters say, all others join it."""
+    """Return Zenoh's configuration: the router listens as its parameters define, all others connect to it."""
     domain = options["domain"]
     if service.role == "router":
         params = options["params"]

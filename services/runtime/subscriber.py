@@ -1,4 +1,4 @@
-"""Subscribers: samples are checked, counted and snapshotted at the start of a tick; the latest value, or a stream."""
+"""Subscribers: check and count samples and snapshot them at the start of a tick, as the latest value or a stream."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 M = TypeVar("M", bound=Message)
 
 QUEUE_SIZE = 1024
-"""Samples kept between two looks; more than any topic brings in a tick of the slowest reader."""
+"""Samples kept between two updates; more than any topic carries in one tick of the slowest reader."""
 EVENT_QUEUE_SIZE = 8192
-"""The same for events, of which a reader of bursts may lag behind by as many."""
+"""The same for events, which arrive in bursts."""
 QUEUE_BYTES = 1 << 26
-"""Maximum bytes waiting on one subscription: large messages get shorter rings."""
+"""Maximum bytes queued in one subscription: topics with large messages get shorter rings."""
 MIN_QUEUE_SIZE, MIN_UNTYPED_QUEUE_SIZE = 4, 64
 LARGEST_ATTACHMENT = 256
-"""Bytes of an attachment that is not ours; with a longer one, a sample is refused."""
+"""Maximum bytes of a foreign attachment; samples with a longer one are refused."""
 
 WAIT_BUDGET_S = 30.0
-"""Wall time that a tick of lockstep waits for samples that were sent before, all together; then they count as lost."""
+"""Wall time [s] that a lockstep tick waits in total for samples already sent; then they count as lost."""
 LOOK_PERIOD_S = 2.0
-"""Wall time of such a wait between two looks at which publishers are still there: the others send nothing any more."""
+"""Wall time [s] of such a wait between two checks of which publishers are still there."""
 
 
 class WaitBudget:
-    """The rest of WAIT_BUDGET_S that a tick has, for all subscribers together; ``turn`` is called while one waits.
+    """The WAIT_BUDGET_S of one tick, shared by all subscribers; ``turn`` is called at each step of a wait.
 
-    ``missed`` are the topics with samples that did not arrive. ``members`` gives the ids of the nodes that
-    are there, None if they are unknown.
+    ``missed`` are the topics with samples that did not arrive. ``members`` returns the ids of the nodes that are
+    there, None if they are unknown.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class WaitBudget:
         self._deadline = self._look = 0.0
 
     def sleep(self) -> bool:
-        """Wait for a moment; False when nothing is left."""
+        """Sleep for 50 us; returns False if the budget is used up."""
         now = time.monotonic()
         if self._deadline == 0.0:
             self._deadline, self._look = now + WAIT_BUDGET_S, now + LOOK_PERIOD_S
@@ -73,7 +73,7 @@ class WaitBudget:
         return True
 
     def gone(self, publishers: Collection[bytes]) -> list[bytes]:
-        """Those of which the node is no longer there; asked at each turn, it looks every LOOK_PERIOD_S."""
+        """Return the publishers whose nodes are gone; checks every LOOK_PERIOD_S, and returns none in between."""
         now = time.monotonic()
         if self._members is None or now < self._look:
             return []
@@ -83,9 +83,9 @@ class WaitBudget:
 
 
 def queue_size(largest: int, event: bool = False, untyped: bool = False) -> int:
-    """How many samples of at most ``largest`` bytes wait for a reader; of more, the oldest are overwritten.
+    """Return the ring size, in samples, for messages of at most ``largest`` bytes; a full ring overwrites the oldest.
 
-    Messages of an unknown type are rarely as large as they may be, so an ``untyped`` reader has a longer ring.
+    Messages of an unknown type are rarely as large as allowed, so an ``untyped`` reader has a longer ring.
     """
     return max(
         MIN_UNTYPED_QUEUE_SIZE if untyped else MIN_QUEUE_SIZE,
@@ -96,9 +96,9 @@ def queue_size(largest: int, event: bool = False, untyped: bool = False) -> int:
 class Subscriber(Generic[M]):
     """One subscription. Its owner calls ``update`` once a tick; ``messages`` are then the new ones, oldest first.
 
-    Refused (wrong type, undecodable, too large, numbered absurdly), repeated and lost samples (gaps in the numbers) are
-    counted, never passed on; ``SequenceTracker`` says by which rule. A sample without our attachment is foreign: it is
-    accepted if it decodes.
+    Refused samples (wrong type, undecodable, too large, implausible sequence number), repeated ones and lost ones (gaps
+    in the numbers) are counted, never passed on; ``SequenceTracker`` has the rules. A sample without our attachment is
+    foreign: it is accepted if it decodes.
     """
 
     def __init__(
@@ -117,24 +117,24 @@ class Subscriber(Generic[M]):
         """Subscribe.
 
         Args:
-            topic: Says type, quality and size.
-            name: The absolute name, for counts and texts.
+            topic: Defines type, quality and maximum size.
+            name: The absolute name, for counts and log texts.
             key: The key on the network.
             transport: The network.
-            decode: Reads a payload of a type that this project does not know, ``bytes`` to keep it as it is; by default
-                the decoder of the topic's record.
-            capacity: Samples in the ring, by default what ``queue_size`` says.
-            latched: Whether to ask for the last samples of latched publishers, by default as the topic's quality says.
-            rare: Have the network tell of samples, so that an ``update`` without news asks for nothing. For topics that
-                hardly ever carry anything, and that no loop waits on.
-            threaded: Whether a thread waits for it alone.
+            decode: Decodes payloads of a type that this project does not know, ``bytes`` to keep them as they are; by
+                default the decoder of the topic's record.
+            capacity: Samples in the ring, by default that of ``queue_size``.
+            latched: Whether to query the last samples of latched publishers, by default for a latched topic.
+            rare: Have the network notify of samples, so that ``update`` costs nothing without any. For topics that
+                rarely carry anything, and that no loop waits on.
+            threaded: Whether a thread of its own waits for its samples.
         """
         self.topic, self.name, self.key = topic, name, key
         self.encoding = encoding(topic.record.ROS_TYPE)
         self._capacity = capacity or queue_size(topic.largest, topic.quality is Quality.EVENT, decode is not None)
         past = topic.quality is Quality.LATCHED if latched is None else latched
         self._rare, self.pending = rare, True
-        """Whether ``update`` may find or change anything; it always may, unless the network notifies of samples."""
+        """Whether ``update`` may find or change anything; always true, unless the subscription is ``rare``."""
         if threaded:
             self.raw: RawSubscriber = transport.subscribe_threaded(key, self._capacity, past)
         else:
@@ -151,15 +151,15 @@ class Subscriber(Generic[M]):
         self._sequences = SequenceTracker()
         self._last, self._stamps = self._sequences.last, self._sequences.stamps
         self._gaps: dict[tuple[bytes, int], int] = {}
-        """Of the samples just read, by publisher and number, how many were missing before: the sum of repeated ones."""
+        """How many samples were missing before each one just read, by publisher and number; summed if read twice."""
         self._deferred: dict[bytes, deque[tuple[M, SampleInfo, int]]] = {}
-        """By publisher, samples that its member has not reported yet, in the order of their numbers; with how many were
-        missing before each.
+        """By publisher, the samples that its member has not reported yet, in the order of their numbers, each with the
+        count of samples missing before it.
         """
         self._topic_bytes = publisher_id("", "", key)[MEMBER_BYTES:]
 
     def update(self, marks: Watermarks | None = None, patience: WaitBudget | None = None) -> None:
-        """Read new samples. With ``marks`` (lockstep), members' samples wait until their tick is over."""
+        """Read new samples. With ``marks`` (lockstep), defer members' samples until the members have reported them."""
         if self._gaps:
             self._gaps.clear()
         fresh = self._drain() if self.pending else []
@@ -199,7 +199,7 @@ class Subscriber(Generic[M]):
         self.messages = ready
 
     def recv(self) -> M | None:
-        """The next message or None, for loops that handle each message on arrival, without ticks."""
+        """Return the next message or None, for loops that handle each message on arrival, without ticks."""
         self._gaps.clear()
         while (sample := self.raw.recv()) is not None:
             if (entry := self._decode_sample(sample)) is not None:
@@ -211,12 +211,12 @@ class Subscriber(Generic[M]):
         self.raw.close()
 
     def reject(self, reason: str) -> None:
-        """Count a sample as refused; its owner calls this for one that decodes but makes no sense."""
+        """Count a sample as refused; the owner calls this for one that decodes but has invalid content."""
         self.refused += 1
         self.reason = reason[:200]
 
     def health(self) -> InputHealth:
-        """The counts, for the node's health."""
+        """Return the counts for the node's health."""
         return InputHealth(
             topic=self.name,
             received=self.received,
@@ -229,11 +229,11 @@ class Subscriber(Generic[M]):
         )
 
     def _drain(self) -> list[tuple[M, SampleInfo | None]]:
-        """The waiting samples, at most as many as the ring holds: a flood may fill it faster than it is read."""
+        """Read the queued samples, at most one ring's worth: a flood may fill it faster than it is read."""
         taken: list[tuple[M, SampleInfo | None]] = []
         if self._rare:
-            # Before the look: what comes during it is seen now or at the next one. What an update has given, or still
-            # defers, is for the next one to clear.
+            # Cleared before reading: a sample that arrives meanwhile is read now or at the next update. Messages that
+            # the last update returned, or that are deferred, need another update.
             self.pending = bool(self.messages or self._deferred)
         if (first := self.raw.recv()) is None:
             return taken
@@ -246,7 +246,7 @@ class Subscriber(Generic[M]):
         return taken
 
     def _decode_sample(self, sample: Sample) -> tuple[M, SampleInfo | None] | None:
-        """The message of a sample if it is new, on this topic's key and of its type; gaps before it count as lost.
+        """Return the message of a sample if it is new, on this topic's key and of its type; count gaps as lost.
 
         Reading key and type takes 2 us: it is done for each command, each foreign sample, and each that does not
         continue its publisher's numbers. The rest takes about 2 us for an Odometry.
@@ -281,11 +281,11 @@ class Subscriber(Generic[M]):
         return message, origin
 
     def _stir(self) -> None:
-        """Called by a thread of the network at each sample of a rare topic."""
+        """Note that a sample of a rare topic has arrived; called in a thread of the network."""
         self.pending = True
 
     def _is_new(self, origin: SampleInfo) -> bool:
-        """Whether to accept a valid sample that does not continue its publisher's numbers; counts it accordingly."""
+        """Return whether to accept a valid sample that does not continue its publisher's numbers, and count it."""
         last = self._last.get(origin.publisher, 0)
         verdict = self._sequences.judge(origin)
         if verdict is Verdict.REPEATED:
@@ -305,15 +305,15 @@ class Subscriber(Generic[M]):
         return True
 
     def _reject_payload(self, origin: SampleInfo | None, follows: bool, reason: str) -> None:
-        """Refuse a payload. The number of one that was due has been used: it is not lost as well, nor waited for."""
+        """Refuse a payload. If its number was the next one due, it is passed over: not also lost, nor waited for."""
         self.reject(reason)
         if origin is not None and (follows or origin.publisher not in self._last):
             self._sequences.pass_over(origin.publisher, origin.sequence)
 
     def _accept(self, source: Any, origin: SampleInfo | None) -> bool:
-        """Whether a sample is on this topic's own key, of its type, and from its only publisher, if it has one.
+        """Return whether a sample has this topic's own key and type, and comes from its only publisher, if it has one.
 
-        A put to a wildcard reaches every topic that it covers, and is refused by each.
+        A put to a wildcard reaches every topic that it matches, and each refuses it.
         """
         key, kind = self.raw.key(source), self.raw.encoding(source)
         if key != self.key:
@@ -329,8 +329,8 @@ class Subscriber(Generic[M]):
     def _wait_for_required(
         self, awaited: dict[bytes, int], fresh: list[tuple[M, SampleInfo | None]], patience: WaitBudget
     ) -> None:
-        """Block until every required sample has arrived. Those count as lost that do not arrive within the budget, or
-        whose publisher is no longer there.
+        """Block until every required sample has arrived. Samples that do not arrive within the budget, or whose
+        publisher is gone, count as lost.
         """
         lost: set[bytes] = set()
         while missing := [
@@ -352,7 +352,7 @@ class Subscriber(Generic[M]):
     def _admit_deferred(
         self, marks: Watermarks, reached: dict[bytes, int], ready: list[tuple[M, SampleInfo | None]]
     ) -> None:
-        """Admit deferred samples that their member has reported, and all of nodes that are no longer members."""
+        """Admit deferred samples that their member has reported, and all those of nodes that are no longer members."""
         for publisher, held in list(self._deferred.items()):
             last = reached.get(publisher, 0) if publisher[:MEMBER_BYTES] in marks.members else held[-1][1].sequence
             while held and held[0][1].sequence <= last:
@@ -377,8 +377,8 @@ class Subscriber(Generic[M]):
             self._deferred.setdefault(publisher, deque()).append((message, origin, missing))
 
     def _drop_replaced(self, origin: SampleInfo) -> None:
-        """Refuse deferred samples of the same publisher with this number or a higher one: its true numbers go on below
-        forged ones.
+        """Refuse deferred samples of the same publisher with this number or a higher one: they were forged, as the true
+        numbers continue below them.
         """
         held = self._deferred.get(origin.publisher)
         while held and held[-1][1].sequence >= origin.sequence:
@@ -386,14 +386,14 @@ class Subscriber(Generic[M]):
             self._retract(missing, f"number {origin.sequence} came again from a lockstep member: was one forged?")
 
     def _retract(self, missing: int, reason: str) -> None:
-        """Count a sample as refused that was accepted before, and what was missing before it as not lost."""
+        """Count an accepted sample as refused instead, and the samples missing before it as not lost."""
         self.received -= 1
         self.lost -= missing
         self.reject(reason)
 
 
 def _order(entry: tuple[Message, SampleInfo | None]) -> tuple[bytes, bytes, int]:
-    """Order by sender (a hash of its name), topic and number: the same in every run, whatever the network's timing."""
+    """Sort key of sender (a hash of its name), topic and number: the same order in every run, whatever the timing."""
     origin = entry[1]
     if origin is None:
         return b"", b"", 0
@@ -401,9 +401,9 @@ def _order(entry: tuple[Message, SampleInfo | None]) -> tuple[bytes, bytes, int]
 
 
 class ReceivedSample(NamedTuple):
-    """One sample of any type; ``type`` is the ROS type that its sender states, or empty; times in ns of the wall clock.
+    """A sample of any type; ``type`` is the ROS type that its sender states, or empty; times in ns of the wall clock.
 
-    ``lost`` samples of its publisher are missing before it.
+    ``lost`` is the number of its publisher's samples missing before it.
     """
 
     payload: bytes
@@ -414,12 +414,12 @@ class ReceivedSample(NamedTuple):
 
     @property
     def sent_ns(self) -> int:
-        """When it was sent by the sender's clock; for a foreign sender, when it arrived."""
+        """Send time [ns] by the sender's clock; for a foreign sender, the time of arrival."""
         return self.received_ns if self.origin is None else self.origin.source_ns
 
 
 class UntypedSubscriber(Subscriber[Message]):
-    """A subscription outside a node, to a topic whose type is not known in advance; ``drain`` gives its samples."""
+    """A subscription outside a node, to a topic whose type is not known in advance."""
 
     def __init__(
         self, transport: Transport, name: str, latched: bool = False, capacity: int = EVENT_QUEUE_SIZE
@@ -428,7 +428,7 @@ class UntypedSubscriber(Subscriber[Message]):
         super().__init__(topic, name, key_of(name), transport, bytes, capacity)
 
     def drain(self) -> Iterator[ReceivedSample]:
-        """The new samples, oldest first."""
+        """Yield the new samples, oldest first."""
         while (sample := self.raw.recv()) is not None:
             lost = self.lost
             entry: tuple[Any, SampleInfo | None] | None = self._decode_sample(sample)
@@ -438,7 +438,7 @@ class UntypedSubscriber(Subscriber[Message]):
                 yield ReceivedSample(*entry, stated, time.time_ns(), self.lost - lost)
 
     def _accept(self, source: Any, origin: SampleInfo | None) -> bool:
-        """Samples of every type are accepted."""
+        """Accept samples of every type."""
         return True
 
 
@@ -453,7 +453,7 @@ class Latest(Generic[M]):
         self._stamp = 0
 
     def refresh(self) -> None:
-        """Follow the input's last batch."""
+        """Update from the subscriber's last batch."""
         if self._source.messages:
             self.value, self.info = self._source.messages[-1]
             header = getattr(self.value, "header", None)
@@ -465,11 +465,11 @@ class Latest(Generic[M]):
 
     @property
     def age(self) -> float:
-        """Seconds of simulation time since the message's stamp (its arrival, when it has none); inf without one."""
+        """Simulation time [s] since the message's stamp, or since its arrival if it has none; inf without a message."""
         return (self._now() - self._stamp) / 1e9 if self.value is not None else float("inf")
 
     def fresh(self, seconds: float) -> M | None:
-        """The value, unless it is older than ``seconds`` of simulation time."""
+        """Return the value, or None if it is older than ``seconds`` of simulation time."""
         return self.value if self.value is not None and self.age <= seconds else None
 
 
@@ -494,6 +494,6 @@ class Stream(Generic[M]):
         self._messages = []
 
     def drain(self) -> list[M]:
-        """The messages since the last call, oldest first."""
+        """Return the messages since the last call, oldest first."""
         messages, self._messages = self._messages, []
         return messages

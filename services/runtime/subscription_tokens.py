@@ -1,4 +1,4 @@
-"""The subscribers of each topic by their liveliness tokens: reliable where the network's own matching may come late."""
+"""Tracks the subscribers of each topic by their liveliness tokens; Zenoh's own matching may be late."""
 
 from __future__ import annotations
 
@@ -12,18 +12,17 @@ from services.runtime.publisher import Publisher
 from services.runtime.transport.api import Transport
 
 MAX_TOKENS = 1 << 18
-"""Maximum number of subscriptions that are counted, so that forged ones cannot fill the memory."""
+"""Maximum subscriptions counted, so that forged ones cannot exhaust the memory."""
 
 Listener = Callable[[Entity, bool], None]
 """``listener(subscription, alive)``."""
 
 
 class SubscriptionTokens:
-    """Follows the subscriptions of all nodes of the network.
+    """Tracks the subscriptions of all nodes of the network.
 
-    A node declares its subscriptions and then its readiness, so a node that has seen it ready knows all its
-    subscriptions and publishes for it from then on, the same in every run. ``listener`` hears of each change, for
-    lockstep.
+    A node declares its subscriptions before its readiness, so a node that sees it ready knows all its subscriptions and
+    publishes for it from then on, the same in every run. ``listener`` is called for each change, for lockstep.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -32,14 +31,14 @@ class SubscriptionTokens:
         self._counts: Counter[str] = Counter()
         self._total = 0
         self.changes = 0
-        """Grows with each topic that gets its first announced reader, or loses its last."""
+        """Incremented when a topic gets its first declared subscriber, or loses its last."""
 
     def refresh(self) -> None:
-        """Ask the network for tokens that were missed."""
+        """Query the network for tokens that were missed."""
         self._watch.refresh()
 
     def update(self) -> None:
-        """Take what has changed."""
+        """Process the changes since the last call."""
         while (event := self._watch.poll()) is not None:
             if (entity := Entity.parse(event.key)) is None:
                 continue
@@ -48,7 +47,7 @@ class SubscriptionTokens:
                 self.listener(entity, event.alive)
 
     def mark(self, publishers: Iterable[Publisher[Any]]) -> None:
-        """Tell publishers whether a node has announced that it reads them."""
+        """Set ``announced`` of the publishers: whether a node has declared a subscription to their topic."""
         for each in publishers:
             each.announced = each.key in self._counts
 

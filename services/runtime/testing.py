@@ -1,11 +1,11 @@
-"""Test a service: its loop runs in a thread, on a network in memory; the test plays the robot and simulation time.
+"""Test a service: its loop runs in a thread, on a network in memory; the test provides sensor data and the clock.
 
     with run_service("my_controller.py", "/tb3_0") as service:
         service.publish(ODOM, Odometry())
         service.set_time(0.04)
         assert service.next(CMD_VEL).linear.x > 0
 
-A tick sees all that was published before the ``set_time`` that causes it, and is over when that returns.
+A tick sees all messages published before the ``set_time`` that causes it, and is finished when that returns.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
 WITHIN_S = 30.0
-"""Wall time [s] after which an expected action of the service counts as missing."""
+"""Wall time [s] that the harness waits for the service before it fails."""
 _QUEUE_SIZE = 1 << 16
 
 
 class ServiceHarness:
-    """The test's side of a service that runs. Names of topics are those of the service: ODOM is its robot's odometry,
-    and ``ODOM.of("tb3_1")`` another one's."""
+    """The test's connection to a running service. Topics are resolved in the service's namespace: ODOM is its robot's
+    odometry, ``ODOM.of("tb3_1")`` that of another robot."""
 
     def __init__(self, bus: MemoryBus, service: MemoryTransport, identity: Identity, log: io.StringIO) -> None:
         self._transport, self._service, self._identity, self._log = MemoryTransport(bus), service, identity, log
@@ -62,11 +62,11 @@ class ServiceHarness:
 
     @property
     def log(self) -> str:
-        """The service's log, with the lines of level debug."""
+        """The service's log, including debug lines."""
         return self._log.getvalue()
 
     def publish(self, topic: Topic[M], message: M) -> None:
-        """Send the service a message."""
+        """Publish a message to the service."""
         key = self._identity.key(topic.name)
         if key not in self._publishers:
             made = Publisher(topic, f"/{key}", key, topic.only or "/test", self._transport)
@@ -76,22 +76,22 @@ class ServiceHarness:
         self._receive()
 
     def set_time(self, seconds: float, epoch: int = 0, paused: bool = False) -> None:
-        """Let simulation time be ``seconds``: a loop ticks at each multiple of its period. A new epoch is a reset.
+        """Set simulation time to ``seconds`` and wait for the tick, if it is due. A new epoch is a reset.
 
-        Raises AssertionError when the loop is not done with it in time.
+        A loop ticks when time reaches a multiple of its period. Raises AssertionError if it takes longer than WITHIN_S.
         """
         self.publish(CLOCK, Clock(clock=Time.of(round(seconds * 1e9)), epoch=epoch, paused=paused))
         self._settle()
 
     def next(self, topic: Topic[M], within: float = WITHIN_S) -> M:
-        """The oldest message of the service that was not returned yet.
+        """Return the service's oldest message on a topic that was not returned yet.
 
         Args:
-            topic: where the service publishes it.
+            topic: the topic on which the service publishes it.
             within: wall time to wait for it [s].
 
         Raises:
-            AssertionError: none came, with the service's log.
+            AssertionError: none was published in time; the text has the service's log.
         """
         key, deadline = self._identity.key(topic.name), time.monotonic() + within
         while True:
@@ -104,39 +104,39 @@ class ServiceHarness:
             self._transport.wait(self._everything)
 
     def drain(self, topic: Topic[M]) -> list[M]:
-        """All messages of the service that were not returned yet, oldest first."""
+        """Return all messages of the service on a topic that were not returned yet, oldest first."""
         self._settle()
         self._receive()
         taken = self._received.pop(self._identity.key(topic.name), ())
         return [decoder(topic.record)(payload) for payload in taken]
 
     def call(self, request: Request[Q, R], message: Q, name: str | None = None) -> R:
-        """Call a request that the service serves, by another name if one is given; raises CallFailed."""
+        """Call a request of the service, by another name if one is given; raises CallFailed."""
         return call(self._transport, request, self._identity.key(name or request.name), message, WITHIN_S)
 
     def join(self, topic: Topic[Any], kind: Literal["sub", "pub"] = "sub") -> Token:
-        """Show the service a subscriber or publisher of a topic, until the token is closed."""
+        """Declare a subscriber or publisher of a topic that the service can see, until the token is closed."""
         name = self._identity.resolve(topic.name)
         entity = Entity(self._transport.session, kind, "/test", name, topic.record.ROS_TYPE, topic.quality.name)
         return self._transport.declare_token(entity.key)
 
     def reads(self, topic: Topic[Any]) -> bool:
-        """Whether the service subscribes to a topic."""
+        """Return whether the service subscribes to a topic."""
         return self._identity.key(topic.name) in self._transport.subscribed()
 
     @property
     def running(self) -> bool:
-        """Whether the loop has not ended."""
+        """Whether the loop is running."""
         return self._loop is not None and self._loop.is_alive()
 
     def wait_end(self, within: float = WITHIN_S) -> None:
-        """Wait for a loop that ends by itself; raises AssertionError when it does not within so much wall time [s]."""
+        """Wait for a loop that ends on its own; raises AssertionError if it does not ``within`` that wall time [s]."""
         assert self._loop is not None
         self._loop.join(within)
         assert not self._loop.is_alive(), f"the loop has not ended within {within:g} s\n{self.log}"
 
     def start(self, loop: threading.Thread, ticks: bool) -> None:
-        """Start the loop, and wait until it ends or waits: for its first tick, if it ``ticks``."""
+        """Start the loop, and wait until it has ended or is waiting: for its first tick, if it ``ticks``."""
         self._loop = loop
         loop.start()
         self._settle()
@@ -146,7 +146,7 @@ class ServiceHarness:
             time.sleep(0.001)
 
     def _settle(self) -> None:
-        """Wait until the loop has done all that it can, or has ended."""
+        """Wait until the loop has nothing left to do, or has ended."""
         deadline = time.monotonic() + WITHIN_S
         while self.running and not self._service.wait_idle(0.02):
             assert time.monotonic() < deadline, f"the loop is busy for {WITHIN_S:g} s\n{self.log}"
@@ -165,17 +165,17 @@ def run_service(
     params: Parameters | Mapping[str, Any] | None = None,
     rate: float | None = None,
 ) -> Iterator[ServiceHarness]:
-    """Run a service beside the test; on leaving, ask it to end and wait for it.
+    """Run a service in a thread; on exit, ask it to end and wait for it.
 
     Args:
-        service: its declaration, the loop alone, or the Python file that calls ``main``.
-        namespace: of its relative names, as "/tb3_0".
+        service: the declaration, a bare loop, or the Python file that calls ``main``.
+        namespace: the namespace of its relative names, such as "/tb3_0".
         params: its parameters, or the values of those that differ from their defaults.
-        rate: of a loop alone, in Hz.
+        rate: the rate [Hz] of a bare loop.
 
     Raises:
-        Exception: the loop raised it; it is raised here when the test leaves.
-        BadInput: for parameters out of their bounds.
+        Exception: an error of the loop, raised again on exit.
+        BadInput: a parameter is out of bounds.
     """
     if isinstance(service, str | Path):
         service = load_user_service(str(service))

@@ -1,7 +1,7 @@
-"""The folders of a user's files: results, saved parameters, the list of running fleets, and the folder of sockets.
+"""The folders of a user's files: results, saved parameters, the list of running fleets, and the suffix for sockets.
 
 Everything is in ELEA_HOME if that is set. Otherwise results go into the checkout and saved parameters into the
-working directory, as long as the user may write to the checkout. If not, as with one installation for a whole class,
+working directory if the user may write to the checkout. If not, for example with one installation for a whole class,
 both go to ``elea`` in the user's data folder. The list of running fleets is in the state folder in either case (XDG
 base directory specification).
 """
@@ -22,17 +22,17 @@ HOME_VARIABLE = "ELEA_HOME"
 
 
 def runs_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder in which each run gets a folder of its own."""
+    """Return the folder that contains one folder for each run."""
     return (_own_folder(environment) or ROOT) / "runs"
 
 
 def parameters_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder of saved parameters; relative to the working directory for the owner of the checkout."""
+    """Return the folder of saved parameters; relative to the working directory if the checkout is writable."""
     return (_own_folder(environment) or Path()) / "params"
 
 
 def instances_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder that says which fleets of the user run."""
+    """Return the folder with the list of the user's running fleets."""
     if home := elea_home(environment):
         return home / "state"
     base = environment.get("XDG_STATE_HOME", "")
@@ -40,7 +40,7 @@ def instances_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def elea_home(environment: Mapping[str, str] = os.environ) -> Path | None:
-    """The folder that ELEA_HOME names; None when it is not set. Raises BadInput for a relative path."""
+    """Return the folder in ELEA_HOME; None if it is not set. Raises BadInput for a relative path."""
     given = environment.get(HOME_VARIABLE, "")
     if given and not Path(given).is_absolute():
         raise BadInput(f"{HOME_VARIABLE} is {given!r}: give an absolute path, so that every command means one folder")
@@ -48,9 +48,9 @@ def elea_home(environment: Mapping[str, str] = os.environ) -> Path | None:
 
 
 def socket_suffix(environment: Mapping[str, str] = os.environ) -> str:
-    """The suffix of this home's folder of sockets; empty for the home of the account.
+    """Return the suffix of the socket folder for the current home; empty for the account's own home.
 
-    One account may have several homes: in containers, under ``sudo``, by ELEA_HOME. Each has its own fleets.
+    One account may have several homes (in containers, under ``sudo``, with ELEA_HOME); each has its own fleets.
     """
     home = environment.get(HOME_VARIABLE, "") or environment.get("HOME", "")
     try:
@@ -63,7 +63,7 @@ def socket_suffix(environment: Mapping[str, str] = os.environ) -> str:
 
 
 def _own_folder(environment: Mapping[str, str]) -> Path | None:
-    """The user's folder for results and parameters; None where the checkout serves."""
+    """Return the user's folder for results and parameters; None if the checkout is used."""
     if home := elea_home(environment):
         return home
     if os.access(ROOT, os.W_OK):

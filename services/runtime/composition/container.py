@@ -1,4 +1,4 @@
-"""A component container: the loops of several nodes in one thread, each in a greenlet that gives way where it waits."""
+"""A component container: the loops of several nodes in one thread, each in a greenlet that yields where it waits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from services.runtime.node import Node
 from services.runtime.transport.api import ADMIN_SPACE, RawSubscriber, Token, Transport, idle_subscriber
 
 Loop = Callable[[Node, MakePacer | None], None]
-"""The loop of a node: it gets the node, once it is on the network, and what makes its pacer, None for the usual one."""
+"""The loop of a node, called with the node, once on the network, and a factory of its pacer (None: the default)."""
 
 
 class NodeFailed(EleaError):
@@ -34,9 +34,9 @@ class NodeFailed(EleaError):
 class Container:
     """Nodes that share a process, a connection and a thread.
 
-    Whenever something has happened on the network, all loops that wait look for work of theirs in turn, in the order in
-    which the nodes were added. One that waits for a reply lets the others go on. One that computes, or blocks in a
-    call of its own, holds up all.
+    At each event on the network, all waiting loops are resumed in turn, in the order in which the nodes were added, to
+    check for work of their own. A loop that waits for a reply lets the others continue; one that computes, or blocks
+    in a call of its own, blocks all.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -45,7 +45,7 @@ class Container:
         self._components: list[_Component] = []
         self._group: LockstepGroup | None = None
         self._alarms: dict[str, RawSubscriber] = {}
-        """What wakes the thread for a key on which a node waits while the thread waits on another."""
+        """By key, subscriptions that wake the thread for a waiting node while the thread waits on another key."""
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -53,17 +53,17 @@ class Container:
         return tuple(each.node.identity.node for each in self._components)
 
     def add(self, identity: Identity, kind: str, log: Log, loop: Loop, steps: bool = False) -> None:
-        """Add a node of a service's ``kind``, before ``run``; one that ``steps`` takes part in lockstep."""
+        """Add a node of a service's ``kind``, before ``run``; with ``steps`` it takes part in lockstep."""
         self._components.append(_Component(self._shared, identity, kind, log, loop, steps))
 
     def stop(self) -> None:
-        """Ask all loops to end; from this thread, a signal handler or another thread."""
+        """Ask all loops to end; may be called from any thread or a signal handler."""
         for each in self._components:
             each.node.stopping = True
         self._transport.wake()
 
     def run(self) -> None:
-        """Run all loops to their ends. When one fails, the others are asked to end first.
+        """Run all loops until they end. If one fails, the others are asked to end before NodeFailed is raised.
 
         Raises:
             TryAgain: Another process holds one of the names.
@@ -99,16 +99,16 @@ class Container:
             raise NodeFailed(failed[0].node.identity.node, error) from error
 
     def _wait(self, running: list[_Component], idle: RawSubscriber) -> None:
-        """Block until something has happened for one of the nodes.
+        """Block until there may be work for one of the nodes.
 
         The thread waits on one subscription: that of lockstep, or the one that the first node waits for. A sample on
-        any other of them wakes it.
+        any other awaited key wakes it.
         """
         chosen, pattern = None if self._group is None else self._group.raw, ""
         for component in running:
             raw, awaited = self._shared.source(component.inlet)
             if raw is None or awaited.startswith(ADMIN_SPACE):
-                continue  # it waits for a reply, for lockstep, or for a wake-up alone
+                continue  # it waits for a reply, for lockstep, or only for a wake-up
             if chosen is None:
                 chosen, pattern = raw, awaited
             elif awaited != pattern and awaited not in self._alarms:
@@ -121,7 +121,7 @@ class Container:
 
 
 class _Component:
-    """One node of a container: its loop in a greenlet, and the subscription that it waits for, if it does for one."""
+    """One node of a container: its loop in a greenlet, and the subscription that it waits for, if any (``inlet``)."""
 
     def __init__(
         self, shared: SharedConnection, identity: Identity, kind: str, log: Log, loop: Loop, steps: bool
@@ -135,7 +135,7 @@ class _Component:
         self._greenlet: greenlet | None = None
 
     def start(self, claim: Token, group: LockstepGroup | None) -> None:
-        """Prepare the loop; ``resume`` begins it. Called in the greenlet that resumes it."""
+        """Prepare the loop; ``resume`` begins it. Called in the greenlet that calls ``resume``."""
         self._claim = claim
         if group is None or not self.steps:
             self._greenlet = greenlet(partial(self._run, None))
@@ -144,13 +144,13 @@ class _Component:
             self._greenlet = greenlet(partial(self._run, group.pacer))
 
     def resume(self) -> bool:
-        """Let the loop go on until it waits; False once it has ended."""
+        """Run the loop until it waits; returns False once it has ended."""
         assert self._greenlet is not None
         self._greenlet.switch()
         return not self._greenlet.dead
 
     def close(self, group: LockstepGroup | None) -> None:
-        """Take the node, whose loop has ended, from the network."""
+        """Remove the node from the network after its loop has ended."""
         if group is not None and self.steps:
             group.leave(self.node)
         if self._claim is not None:
@@ -167,7 +167,7 @@ class _Component:
             self.error = error
 
     def _give_way(self, inlet: RawSubscriber | None) -> None:
-        """Let the others go on until something has happened; called by the loop."""
+        """Switch to the other loops until there may be work for this one; called by the loop."""
         assert self._greenlet is not None
         self.inlet = inlet
         self._greenlet.parent.switch()

@@ -1,4 +1,4 @@
-"""Lockstep of a container: its nodes are one member, which answers once for all."""
+"""Lockstep of a container: its nodes form one member, which answers once for all."""
 
 from __future__ import annotations
 
@@ -18,32 +18,31 @@ from services.runtime.transport.api import RawSubscriber, Transport, idle_subscr
 class LockstepGroup:
     """The nodes of a container that step together.
 
-    The simulation's Go lets all of them take their step, in the order in which the container has them; the Done follows
-    the last. So what one publishes in a step, the others see in the next, as if each were a process of its own.
+    At the simulation's Go, all of them take their step, in the container's order; the Done is sent after the last. So
+    what one publishes in a step, the others receive in the next, as if each were a process of its own.
     """
 
     def __init__(self, transport: Transport, nodes: Sequence[Node]) -> None:
         self._transport, self._nodes = transport, list(nodes)
         self.send_buffer = SendBuffer()
         self.command_buffer = SendBuffer()
-        """The commands of all nodes, which act in the same tick: they leave together, before the Done."""
+        """The commands of all nodes, which act in the same tick: they are sent together, before the Done."""
         self._views: dict[str, GroupedPacer] = {}
         self._period_ns = 0
         self._pacer: LockstepPacer | None = None
         self._idle = idle_subscriber(transport)
         self._busy: set[str] = set()
-        """The nodes that have not finished the present step."""
+        """The nodes that have not finished the current step."""
         self._left: list[str] = []
-        """Those that have ended since the last report."""
+        """The nodes that have ended since the last report."""
 
     @property
     def raw(self) -> RawSubscriber | None:
-        """What the container waits for; None if that is nothing from the simulation: a node is not ready, or has not
-        finished its step."""
+        """The subscription of the simulation's Go; None while a node is not ready or has not finished its step."""
         return None if self._pacer is None or self._busy else self._pacer.raw
 
     def pacer(self, node: Node, period_ns: int, reports_reads: bool) -> GroupedPacer:
-        """The pacer of one of the nodes; raises BadInput for another period than that of the others."""
+        """Create the pacer of a node; raises BadInput if its period differs from that of the others."""
         name = node.identity.node
         if reports_reads:
             raise BadInput(f"{name} subscribes to topics between its ticks: in lockstep it needs a process of its own")
@@ -58,7 +57,7 @@ class LockstepGroup:
         return made
 
     def poll(self) -> None:
-        """Let the nodes take the step that the simulation has granted, if it has."""
+        """Begin the step of all nodes if the simulation has granted one."""
         if self._pacer is None or self._busy or (instant := self._pacer.next()) is None:
             return
         marks = self._pacer.watermarks
@@ -70,12 +69,12 @@ class LockstepGroup:
         marks.clear_required()
 
     def start(self, name: str) -> None:
-        """A node's inputs are declared."""
+        """Note that a node's inputs are declared, and join lockstep once all are."""
         self._views[name].started = True
         self._join()
 
     def finish(self, name: str) -> None:
-        """A node has finished its step."""
+        """Note that a node has finished its step; after the last, report Done."""
         self._busy.discard(name)
         if not self._busy and self._pacer is not None:
             self.command_buffer.flush()
@@ -83,7 +82,7 @@ class LockstepGroup:
             self._left.clear()
 
     def leave(self, node: Node) -> None:
-        """A node takes no more steps: its loop has ended."""
+        """Remove a node whose loop has ended."""
         name = node.identity.node
         self.command_buffer.flush()
         self._nodes = [each for each in self._nodes if each is not node]
@@ -98,7 +97,7 @@ class LockstepGroup:
                 self.finish(name)
 
     def _join(self) -> None:
-        """Become a member of lockstep once all nodes are ready."""
+        """Join lockstep as one member once all nodes are ready."""
         if (
             self._pacer is None
             and self._nodes
@@ -122,7 +121,7 @@ class GroupedPacer:
         self._group.start(self._name)
 
     def begin(self, instant: Instant, marks: Watermarks) -> None:
-        """Take a step with what the group has received; required samples are waited for by each node itself."""
+        """Begin a step with the group's watermarks; each node waits for its required samples itself."""
         self._instant = instant
         own = self.watermarks
         assert own is not None
@@ -137,11 +136,11 @@ class GroupedPacer:
         self._group.finish(self._name)
 
     def close(self) -> None:
-        """The container takes it from the group when its loop has ended."""
+        """Do nothing: the container removes the node from the group when its loop has ended."""
 
 
 class _Together:
-    """The nodes of a group as the one member that they are."""
+    """The nodes of a group as one member of lockstep."""
 
     def __init__(self, transport: Transport, nodes: Sequence[Node], send_buffer: SendBuffer) -> None:
         self.transport, self.send_buffer = transport, send_buffer
@@ -165,7 +164,7 @@ class _Together:
 
 
 class _Heartbeats:
-    """The heartbeats of several nodes, which wait, pause and run together."""
+    """The heartbeats of several nodes, which share state and detail."""
 
     def __init__(self, heartbeats: Sequence[Heartbeat]) -> None:
         self._heartbeats = heartbeats

@@ -1,8 +1,7 @@
-"""The network as one node of a container has it: a connection that all share, on which it waits without blocking them.
+"""The transport of one node of a container: a shared connection, on which the node waits without blocking the others.
 
-This is where a loop gives way to the others: in ``wait``, and in ``query`` until its replies have come. All else
-passes to the connection at once. What the nodes have in common exists once: the subscription to a key, the
-publication on one, a watch on tokens.
+A loop yields to the others in ``wait``, and in ``query`` until its replies have arrived. All other calls go to the
+connection directly. The nodes share one subscription to each key, one publication on each, and one watch on tokens.
 """
 
 from __future__ import annotations
@@ -31,9 +30,9 @@ from services.runtime.transport.request_queue import Refusals
 
 
 class SharedConnection:
-    """What the nodes of a container hold in common on their connection.
+    """The subscriptions, publications and watches that the nodes of a container share on their connection.
 
-    A latched topic is no such thing: each publication keeps its own last sample, each subscription asks for them.
+    Latched topics are not shared: each publication keeps its own last sample, each subscription queries them.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -47,19 +46,19 @@ class SharedConnection:
     def subscribe_alone(
         self, key: str, capacity: int, latched: bool, notify: Callable[[], None] | None
     ) -> RawSubscriber:
-        """A subscription of one node's own."""
+        """Declare a subscription for one node alone."""
         made = self.transport.subscribe(key, capacity, latched, notify)
         self._patterns[made] = key
         return made
 
     def source(self, inlet: RawSubscriber | None) -> tuple[RawSubscriber | None, str]:
-        """The subscription on the network behind that of a node, and its key; None if there is none."""
+        """Return the network subscription behind a node's, and its key; None and an empty key if there is none."""
         if isinstance(inlet, SubscriberView):
             return inlet.shared.raw, inlet.shared.key
         return (inlet, self._patterns[inlet]) if inlet in self._patterns else (None, "")
 
     def subscribe(self, key: str, capacity: int) -> SubscriberView:
-        """A view on the samples of ``key``; one subscription receives them for all."""
+        """Return a view on the samples of ``key``; one subscription receives them for all nodes."""
         what = key, capacity
         if (known := self._subscribers.get(what)) is None:
             raw = self.transport.subscribe(key, capacity)
@@ -67,7 +66,7 @@ class SharedConnection:
         return known.view()
 
     def advertise(self, key: str, encoding: str, quality: Quality) -> SharedPublisher:
-        """A publication on ``key``, one for all."""
+        """Return the publication on ``key`` that all nodes share."""
         what = key, encoding, quality
         if (known := self._publishers.get(what)) is None:
             raw = self.transport.advertise(key, encoding, quality)
@@ -76,14 +75,14 @@ class SharedConnection:
         return known
 
     def watch(self, pattern: str) -> WatchView:
-        """A view on the tokens that match ``pattern``; one watch follows them for all."""
+        """Return a view on the tokens that match ``pattern``; one watch follows them for all nodes."""
         if (known := self._watches.get(pattern)) is None:
             known = self._watches[pattern] = SharedWatch(self.transport.watch(pattern))
         return known.view()
 
 
 class SharedSubscriber:
-    """A subscription whose samples several views get."""
+    """A subscription that delivers its samples to several views."""
 
     def __init__(self, key: str, raw: RawSubscriber, capacity: int, ended: Callable[[], object]) -> None:
         self.key, self.raw = key, raw
@@ -91,27 +90,27 @@ class SharedSubscriber:
         self._views: list[deque[Sample]] = []
 
     def view(self) -> SubscriberView:
-        """Another view, on what comes from now on."""
+        """Add a view on the samples that arrive from now on."""
         self.update()
         made: deque[Sample] = deque(maxlen=self._capacity)
         self._views.append(made)
         return SubscriberView(self, made)
 
     def update(self) -> None:
-        """Pass on what waits."""
+        """Deliver the waiting samples to all views."""
         for sample in islice(iter(self.raw.recv, None), self._capacity):
             for view in self._views:
                 view.append(sample)
 
     def recv_for(self, view: deque[Sample]) -> Sample | None:
-        """The oldest sample of a view that has none left."""
+        """Return the next sample for a view whose own queue is empty."""
         if len(self._views) == 1:
             return self.raw.recv()
         self.update()
         return view.popleft() if view else None
 
     def release(self, view: deque[Sample]) -> None:
-        """A view ends, and the subscription with the last."""
+        """Remove a view; the last one ends the subscription."""
         self._views = [each for each in self._views if each is not view]
         if not self._views:
             self.raw.close()
@@ -138,7 +137,7 @@ class SubscriberView:
 
 
 class SharedPublisher:
-    """A publication of several nodes; it ends with the last of them."""
+    """A publication of several nodes; it ends when the last of them closes it."""
 
     def __init__(self, raw: RawPublisher, ended: Callable[[], object]) -> None:
         self.put: Any = raw.put
@@ -157,7 +156,7 @@ class SharedPublisher:
 
 
 class SharedWatch:
-    """A watch whose events several views get; a new view begins with the tokens that are there."""
+    """A watch that delivers its events to several views; a new view begins with the tokens already there."""
 
     def __init__(self, watch: TokenWatch) -> None:
         self._watch = watch
@@ -165,14 +164,14 @@ class SharedWatch:
         self._views: list[deque[TokenEvent]] = []
 
     def view(self) -> WatchView:
-        """Another view."""
+        """Add a view."""
         self.update()
         made = deque(TokenEvent(key, True) for key in self._alive)
         self._views.append(made)
         return WatchView(self, made)
 
     def update(self) -> None:
-        """Pass on the new events."""
+        """Deliver the new events to all views."""
         while (event := self._watch.poll()) is not None:
             if event.alive:
                 self._alive[event.key] = None
@@ -182,7 +181,7 @@ class SharedWatch:
                 view.append(event)
 
     def refresh(self) -> None:
-        """Look for missed tokens."""
+        """Query the tokens again, to report missed ones."""
         self._watch.refresh()
 
 
@@ -201,10 +200,10 @@ class WatchView:
 
 
 class NodeTransport:
-    """The connection of a container as one of its nodes has it.
+    """A container's connection as the transport of one of its nodes.
 
-    ``give_way`` lets the others run until something has happened; it gets the subscription that the node waits for,
-    None for a reply, and raises what ends a wait.
+    ``give_way`` runs the other loops until there may be work for this one; its argument is the subscription that the
+    node waits for, None for a reply. It raises the error that ends a wait.
     """
 
     def __init__(self, shared: SharedConnection, give_way: Callable[[RawSubscriber | None], None]) -> None:
@@ -275,5 +274,5 @@ class NodeTransport:
         self._transport.wake()
 
     def close(self) -> None:
-        """Wait no more; the connection is the others' as well."""
+        """Mark this transport as closed; the connection stays open for the other nodes."""
         self.open = False

@@ -1,4 +1,4 @@
-"""The simulation's side of lockstep."""
+"""The simulation's side of lockstep: a barrier at each tick."""
 
 from __future__ import annotations
 
@@ -41,30 +41,30 @@ from services.runtime.transport.sequences import RefusalCounter
 from services.runtime.transport.wire import member_id, publisher_id, unpack_attachment
 
 RETRY_S = 2.0
-"""Wall time [s] after which missing tokens are looked for, and unanswered messages sent, again."""
+"""Wall time [s] after which missing tokens are queried, and unanswered messages sent, again."""
 REPORT_S = 5.0
-"""Wall time [s] between two log lines that name the awaited members."""
+"""Wall time [s] between two log lines that list the awaited members."""
 GATHER_S = 120.0
-"""Wall time [s] without a new member after which time begins without the missing ones."""
+"""Wall time [s] without a new member after which simulation time starts without the missing ones."""
 SILENT_S = 30.0
-"""Wall time after which a member that neither answers nor beats is given up; a supervisor ends a hung one sooner."""
+"""Wall time [s] after which a member without answer and heartbeat is dropped; a supervisor ends a hung one sooner."""
 MAX_WAIT_S = 300.0
-"""The same for one that beats: it is slow, and not dead."""
+"""The same for a member with heartbeats: it is slow, not dead."""
 LOOK_S = 0.25
-"""Wall time [s] between two requests to late members, of which a flood may have pushed out the first."""
+"""Wall time [s] after which a message to a late member is repeated: a flood may have pushed out the first."""
 TOKEN_S = 30.0
-"""Wall time [s] that the token of a new subscription may take to arrive, while its process is there."""
+"""Maximum wall time [s] for the token of a new subscription to arrive, while its process is there."""
 LAST_REPORT_S = 0.5
-"""Wall time [s] for which the report of a step is awaited after the token of its member: tokens overtake reports."""
+"""Wall time [s] to wait for the report of a member whose token has disappeared: tokens overtake reports."""
 MAX_LOOK_S = 0.5
-"""One look counts as this much waiting at most: a machine that is too busy to look has not waited."""
+"""Maximum waiting time [s] counted per check: a machine too busy to check has not waited."""
 MAX_IDLE_NS = 100_000_000
-"""Simulation time that a member without anything to do is left alone: what does not come by messages, as the end of its
-process, waits for its next step."""
+"""Maximum simulation time [ns] for which an idle member gets no step. Events other than messages, such as a request to
+end its process, wait for its next step."""
 MAX_SESSIONS = 16
-"""Sessions that may show readiness in the name of one node; all but one can only be about to go or to come."""
+"""Maximum sessions that declare readiness under the name of one node; all but one may be about to end or to start."""
 MAX_SUBSCRIPTIONS = 1 << 17
-"""Subscriptions of the roster's nodes that are kept."""
+"""Maximum subscriptions of the roster's nodes that are kept."""
 
 _HEALTH_KEY = key_of(HEALTH.name)
 
@@ -82,10 +82,10 @@ def _never() -> bool:
 class Barrier:
     """Waits for the members of lockstep at each tick.
 
-    ``idle`` is called with the subscriber to wait on; ``now`` gives the simulation's time and tick. The member of an
+    ``idle`` is called with the subscriber to wait on; ``now`` returns the simulation's time and tick. The member of an
     expected node is the session that declares readiness under its name and holds its token; nodes that share a process
-    are one member. A Done counts only with
-    the token that this barrier sent to its member. ``refusals`` counts refused messages.
+    are one member. A Done is accepted only with the token that this barrier sent to its member. ``refusals`` counts
+    refused messages.
     """
 
     def __init__(
@@ -109,42 +109,42 @@ class Barrier:
         self._subscriptions.listener = self._note_reader
         self._watch = transport.watch(token_pattern("step"))
         self._nodes_watch = transport.watch(token_pattern("node"))
-        # A token that differs in its last chunks says the same, and may come and go beside the true one: all count.
+        # Tokens that differ only in their last chunks mean the same and may exist side by side, so they are counted.
         self._readers: dict[str, Counter[str]] = {}
-        """The sessions of the roster's nodes that read a key."""
+        """By key, the sessions of the roster's nodes that subscribe to it, with their number of tokens."""
         self._declared: dict[str, dict[str, None]] = {}
-        """The sessions that have reported that they read a key, whether their tokens have arrived or not."""
+        """By key, the sessions that have reported a subscription, whether its token has arrived or not."""
         self._beginning: list[tuple[str, tuple[str, ...]]] = []
-        """The sessions that report new keys in this step, and the keys; they count once the step is complete."""
+        """The sessions that report new keys in this step, and the keys; effective once the step is complete."""
         self._latching: set[bytes] = set()
         """The publishers of latched topics."""
         self._reads = 0
         self._ready: Counter[tuple[str, str]] = Counter()
-        """Nodes of the roster, and the sessions that show readiness in their names."""
+        """Nodes of the roster, and the sessions that declare readiness under their names."""
         self._sharing: dict[tuple[str, str], int] = {}
-        """Of these, how many nodes the session says to have."""
+        """The number of nodes that each of these sessions declares."""
         self._holders: Counter[tuple[str, str]] = Counter()
         """Nodes of the roster, and the sessions that hold their names."""
         self._not_before: dict[str, float] = {}
-        """Wall time before which a session that left or was given up does not become a member again."""
+        """Wall time before which a session that left or was dropped cannot become a member again."""
         self._members: dict[str, MemberState] = {}
         self._gone: deque[MemberState] = deque(maxlen=QUEUE_SIZE)
-        """The members whose processes disappeared without leaving, since the last look."""
+        """The last members whose processes disappeared before they reported leaving."""
         self._joining: list[MemberState] = []
         """The members that have not answered their join."""
         self._pending: dict[str, tuple[int, int]] = {}
         self._answers: dict[str, None] = {}
-        """Of those pending, the sessions whose answers have come."""
+        """The pending sessions whose answers have arrived."""
         self._held = HeldRequests()
         self._sent: Numbers = {}
-        """The simulation's own samples."""
+        """The numbers of the simulation's own samples."""
         self._outputs: Iterable[Publisher[Any]] = ()
         self._lost: dict[str, None] = {}
         self._left: dict[str, None] = {}
         self._ending: dict[str, float] = {}
-        """Sessions without a token whose last report may be on its way, and since when [s of wall time]."""
+        """Sessions whose token has disappeared and whose last report may be on its way, with the wall time [s]."""
         self.version = 0
-        """Grows whenever ``state`` may have changed."""
+        """Incremented whenever ``state`` may have changed."""
         self._begun = False
         self._generation = 0
         self._stride = 1
@@ -153,7 +153,7 @@ class Barrier:
 
     @property
     def state(self) -> LockstepState:
-        """The members, those lost, and those that left, since time began."""
+        """The current members, and those lost and those that left since simulation time started."""
         return LockstepState(
             members=tuple(sorted(self._active())),
             lost=tuple(self._lost),
@@ -163,7 +163,7 @@ class Barrier:
     def wait_for_members(self, absent: Collection[str] = (), meanwhile: Callable[[], None] = _nothing) -> None:
         """Block until the whole roster has joined and every member sees every other.
 
-        After GATHER_S without a new member, time begins without the missing ones, which count as lost.
+        After GATHER_S without a new member, simulation time starts without the missing ones, which count as lost.
 
         Args:
             absent: Nodes not to wait for.
@@ -203,8 +203,8 @@ class Barrier:
     def update(self) -> None:
         """Process the members that joined, left, or answered.
 
-        Tokens are read before answers, so that the leave of a member arrives before the loss of its token counts. A
-        node declares its own token and its subscriptions before its readiness, so these are read after that.
+        Tokens are read before answers and processed after them, so that a member's leave is seen before the loss of its
+        token. A node declares its own token and its subscriptions before its readiness, so these are read after that.
         """
         tokens = list(iter(self._watch.poll, None))
         self._receive()
@@ -224,14 +224,14 @@ class Barrier:
                 self._send_join(member)
 
     def due(self, time_ns: int) -> bool:
-        """Whether any member steps at this time."""
+        """Return whether any member steps at this time [ns]."""
         return time_ns % self._stride == 0 and any(
             member.active and time_ns % member.period_ns == 0 for member in self._members.values()
         )
 
     def grant(self, go: StepGrant, outputs: Iterable[Publisher[Any]]) -> None:
-        """Let the members that are due at ``go.time`` and have something to do take their step, unless they were let
-        before: none takes a tick twice.
+        """Grant a step to the members that are due at ``go.time`` and have work, unless they already have this tick:
+        none takes a tick twice.
         """
         self._outputs = outputs
         news = sequence_numbers(outputs)
@@ -254,10 +254,10 @@ class Barrier:
                 self._step(member, go)
 
     def collect_reports(self, time_ns: int, interrupted: Callable[[], bool] = _never) -> bool:
-        """Block until the members that are due at this time have finished their last step, died, or are given up.
+        """Block until the members that are due at this time have finished their last step, died, or were dropped.
 
-        Their samples are then in ``watermarks``. Reports of others wait for their time: their arrival makes no
-        difference.
+        Their samples are then in ``watermarks``. Reports of other members are kept until they are due, so the time of
+        their arrival makes no difference.
 
         Returns:
             False if ``interrupted`` became true first; the next call continues.
@@ -282,7 +282,7 @@ class Barrier:
         return True
 
     def _take_answer(self, member: MemberState) -> None:
-        """A due member has finished its step."""
+        """Process the report of a due member that has finished its step."""
         answer, member.answer = member.answer, None
         del self._answers[member.session], self._pending[member.session]
         assert answer is not None
@@ -294,14 +294,14 @@ class Barrier:
             self._release(member, answer.left)
 
     def hold(self, sender: bytes, carry_out: Callable[[], None]) -> bool:
-        """Keep a request that a member makes within its step; False for one of anybody else."""
+        """Hold a request that a member makes within its step; returns False for any other request."""
         for session in self._pending:
             if sender in (member := self._members[session]).ids.values():
                 return member.answer is None and self._held.hold(member, carry_out)
         return False
 
     def release(self) -> None:
-        """Carry out the requests within steps that nothing is awaited for any more."""
+        """Carry out the held requests once every due member has finished or waits for a reply."""
         if not self._held:
             return
         now = self._now()
@@ -316,10 +316,11 @@ class Barrier:
                 self._pause(member, go)
 
     def _begin_reading(self) -> None:
-        """Let the members that have begun to read keys get what is sent on them from now on.
+        """Deliver what is sent from now on to the members that have subscribed to keys in this step.
 
-        What was sent before, they skip, but for the last sample of each latched topic. So it makes no difference when
-        their subscriptions became known. The subscriptions' tokens are waited for: what is sent next reaches them.
+        They skip earlier samples, except the last one of each latched topic, so the time at which their subscriptions
+        became visible makes no difference. Blocks until the subscriptions' tokens arrive: what is sent next reaches
+        them.
         """
         if not self._beginning:
             return
@@ -350,9 +351,10 @@ class Barrier:
                     break
 
     def _retry(self, late: list[MemberState], passed: float) -> None:
-        """Send the request to silent members again, name them in the log, and give up those without a sign of life.
+        """Repeat the message to silent members, log their names, and drop those without a sign of life.
 
-        Either message may have been lost: a flood overflows a ring. A member answers a repeated Go as before.
+        The message or its answer may have been lost: a flood overflows a ring. A member repeats its answer to a
+        repeated Go.
         """
         origins = (
             unpack_attachment(attachment) for _, attachment, _ in islice(iter(self._beats.recv, None), QUEUE_SIZE)
@@ -380,13 +382,13 @@ class Barrier:
                 self._give_up(member, why)
 
     def _give_up(self, member: MemberState, why: str) -> None:
-        """Go on without a member; it may come back."""
+        """Continue without a member; it may come back after SILENT_S."""
         self._drop(member)
         self._not_before[member.session] = time.monotonic() + SILENT_S
         self._lose(member, why)
 
     def _lose(self, member: MemberState, why: str) -> None:
-        """A member is gone without having taken leave; its commands go with it."""
+        """Record a member that is gone without having left; its commands are dropped."""
         self.watermarks.lost_members.update(member.ids.values())
         if self._begun and member.active:
             self._lost |= dict.fromkeys(member.ids)
@@ -400,7 +402,7 @@ class Barrier:
         return {node for member in self._members.values() if member.active for node in member.ids}
 
     def _all_here(self) -> bool:
-        """Greetings wait for the whole roster at the start; later ones go out at once."""
+        """Return whether joins may be sent: at the start once the whole roster is ready, later at once."""
         if not self._generation:
             return False
         begun = self._begun or any(member.active for member in self._members.values())
@@ -423,7 +425,7 @@ class Barrier:
                 del self._readers[key]
 
     def _note_readiness(self, entity: Entity, alive: bool) -> None:
-        """A node shows that it is ready to step, or it no longer does."""
+        """Process a token of readiness that appeared or disappeared."""
         claim = entity.node, entity.session
         if alive and sum(node == entity.node for node, _ in self._ready) >= MAX_SESSIONS:
             self.refusals.reject(f"more than {MAX_SESSIONS} sessions show readiness as {entity.node}")
@@ -438,14 +440,14 @@ class Barrier:
             member = self._members.get(entity.session)
             if member is not None and entity.node in member.ids:
                 if member.answer is not None and member.answer.leaving:
-                    return  # its last report is here, and counts with those of its tick
+                    return  # its last report has arrived, and is processed with those of its tick
                 if member.answer is None and member.session in self._pending:
                     self._ending.setdefault(member.session, time.monotonic())
                 else:
                     self._remove(member)
 
     def _remove(self, member: MemberState) -> None:
-        """A member's process has disappeared."""
+        """Remove a member whose process has disappeared."""
         self._drop(member)
         self._gone.append(member)
         self._lose(member, "its process is gone")
@@ -477,7 +479,7 @@ class Barrier:
             taken |= dict.fromkeys(nodes, self._add(nodes, session))
 
     def _send_join(self, member: MemberState) -> None:
-        """Greet a member, and again while it does not answer: either may be lost while links come up."""
+        """Send a join, and repeat it until it is answered: either message may be lost while links come up."""
         now = time.monotonic()
         if not member.asked:
             greeting = msgspec.structs.replace(self._now(), roster=self._present(), token=member.token)
@@ -499,7 +501,7 @@ class Barrier:
         return member
 
     def _drop(self, member: MemberState) -> None:
-        """Wait for this member no more."""
+        """Remove a member, so that its steps are no longer awaited."""
         self._generation += 1
         del self._members[member.session]
         self._pending.pop(member.session, None)
@@ -514,14 +516,17 @@ class Barrier:
         member.raw.close()
 
     def _regroup(self) -> None:
-        """Members came, began or went. All their steps fall on multiples of the stride."""
+        """Update what depends on the members after one was added, became active or was removed.
+
+        All their steps fall on multiples of the stride.
+        """
         self.version += 1
         self._joining = [member for member in self._members.values() if not member.active]
         self.watermarks.regroup({each for member in self._members.values() for each in member.ids.values()})
         self._stride = math.gcd(*(member.period_ns for member in self._members.values())) or 1
 
     def _step(self, member: MemberState, go: StepGrant) -> None:
-        """Let a member take its step, with all that is new for it."""
+        """Send a member its Go, with all that is new for it."""
         members: tuple[bytes, ...] = ()
         if member.generation_sent < 0:
             self._grant_for(member)
@@ -566,7 +571,7 @@ class Barrier:
                 self.refusals.received += 1
 
     def _answered(self, done: StepReport) -> str:
-        """Take a Done; why it does not count, empty when it does."""
+        """Process a Done; returns why it is refused, empty if it is accepted."""
         member = self._members.get(done.session)
         if member is None and done.leaving and self._had_left(done):
             return ""
@@ -595,7 +600,7 @@ class Barrier:
         return ""
 
     def _leave(self, member: MemberState) -> None:
-        """A member takes no more steps; with its last report, its commands go in the same tick of every run."""
+        """Remove a member that is leaving; its commands end with its last report, at the same tick in every run."""
         self._drop(member)
         self._not_before[member.session] = time.monotonic() + SILENT_S
         self._note_leave(member, tuple(member.ids))
@@ -608,7 +613,7 @@ class Barrier:
         self._log.info(f"{', '.join(nodes)} has finished")
 
     def _release(self, member: MemberState, nodes: Iterable[str]) -> None:
-        """Some nodes of a member have ended; its others go on."""
+        """Remove the nodes of a member that have ended while others continue."""
         if gone := [node for node in nodes if node in member.ids]:
             self._note_leave(member, gone)
             member.ids = {node: number for node, number in member.ids.items() if node not in gone}
@@ -616,7 +621,7 @@ class Barrier:
             self._regroup()
 
     def _had_left(self, done: StepReport) -> bool:
-        """Whether a member whose token has disappeared leaves: on a busy machine its token overtakes its report."""
+        """Return whether a leaving report is of a member already lost: on a busy machine its token overtakes it."""
         for member in self._gone:
             if member.session == done.session and member.token == done.token:
                 self._gone.remove(member)
@@ -632,7 +637,7 @@ class Barrier:
         self._log.warn(f"a Done is refused: {self.refusals.reason}", every=10.0)
 
     def _receive_report(self, done: StepReport) -> None:
-        """Let through what a member says it has sent."""
+        """Admit the samples that a member reports as sent."""
         self._broadcast(done.marks, "sequence_numbers", done.session)
         self._broadcast(done.known, "announced", done.session)
         self.watermarks.advance(done.marks, done.known)
@@ -643,7 +648,7 @@ class Barrier:
             self._beginning.append((done.session, done.reads))
 
     def _broadcast(self, news: Numbers, kind: str, sender: str = "") -> None:
-        """Keep the numbers for every member that reads the key."""
+        """Queue the numbers for every member that subscribes to the key."""
         for key, reached in news.items():
             readers: Iterable[str] = self._readers.get(key, ())
             if (declared := self._declared.get(key)) is not None:
@@ -655,7 +660,7 @@ class Barrier:
 
 
 def _count(tokens: Counter[C], what: C, alive: bool) -> None:
-    """One token more, or one less, that says the same."""
+    """Count a token with the same meaning that appeared or disappeared."""
     tokens[what] += 1 if alive else -1
     if tokens[what] <= 0:
         del tokens[what]

@@ -1,8 +1,8 @@
 """Requests that members make within their steps, carried out in an order that does not depend on the network.
 
-Two members that ask something of the simulation in the same step do so when they come to it: which of them is first
-differs between runs. So a member's request waits until every member that is due has either finished its step or waits
-for an answer, too. Then all that wait are carried out, by the names of their nodes, and their members go on.
+If two members call the simulation in the same step, which one comes first differs between runs. So a member's request
+is held until every due member has either finished its step or waits for a reply, too. Then all held requests are
+carried out in the order of their nodes' names, and their members continue.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from services.runtime.lockstep.member_state import MemberState
 
 
 class HeldRequests:
-    """The requests that wait, at most one of each member: it waits for the answer.
+    """The held requests, at most one per member, since it blocks until the reply.
 
-    A forged name beside a request can change the order of a step, as any request from outside can, and nothing else.
+    A forged sender id can change the order within a step, as any request from outside can, and nothing else.
     """
 
     def __init__(self) -> None:
@@ -25,18 +25,18 @@ class HeldRequests:
         return bool(self._held)
 
     def hold(self, member: MemberState, carry_out: Callable[[], None]) -> bool:
-        """Keep a request of a member; False when one of it waits already."""
+        """Hold a request of a member; returns False if one of its requests is held already."""
         if member.session in self._held:
             return False
         self._held[member.session] = member.name, carry_out
         return True
 
     def release(self, unfinished: Iterable[MemberState], others: Iterable[MemberState] = ()) -> None:
-        """Carry out the requests if all members whose steps are awaited wait for an answer.
+        """Carry out the held requests if every unfinished member is waiting for a reply.
 
         Args:
             unfinished: The members that are due and have not finished their step.
-            others: Members whose step ends at a later time: their requests wait until then.
+            others: Members whose step ends at a later time: their requests stay held until then.
         """
         if not {member.session for member in unfinished} <= self._held.keys():
             return

@@ -1,4 +1,4 @@
-"""A member's side of lockstep: a process with one node, or with several."""
+"""The member's side of lockstep, for a process with one node or several."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from services.runtime.transport.sequences import RefusalCounter
 from services.runtime.transport.wire import member_id
 
 LINK_S = 30.0
-"""Wall time that a member may take to see its fellows before it goes on without them."""
+"""Wall time [s] that a member waits to discover its peers before it continues without them."""
 _MAX_CANDIDATES = 8
-"""Sessions that are answered as a simulation; one holds the name, others can only be about to go or to come."""
+"""Maximum sessions answered as a simulation: one holds the name, others may be about to end or to take over."""
 _EARLY = 4
 """Maximum join messages that wait for their sender's token to appear."""
 
@@ -42,27 +42,27 @@ _EARLY = 4
 class LockstepMember:
     """The member's side of lockstep: receives Go, answers Done.
 
-    A join counts only from a session that holds the node ``/sim``; a Go only from the simulation that is followed, with
-    the nonce that this member sent it, and never with an older epoch or tick than the last. Another simulation is
-    followed only when the node token of the last one is gone. ``refusals`` counts refused messages.
+    A join is accepted only from a session that holds the node ``/sim``; a Go only from the current simulation, with the
+    nonce that this member sent it, and never with an older epoch or tick than the last. The member switches to another
+    simulation only once the node token of the last one is gone. ``refusals`` counts refused messages.
 
-    Several ``nodes`` are one member. What they send each other in a tick, they see in the next, as from others.
+    Several ``nodes`` form one member. What they send each other in a tick, they receive in the next, as from others.
     """
 
     def __init__(self, transport: Transport, nodes: Sequence[str], period_ns: int) -> None:
         self._transport, self._nodes, self._period_ns = transport, nodes, period_ns
         self._own = {member_id(node, transport.session) for node in nodes} if len(nodes) > 1 else set[bytes]()
-        """Nodes whose samples wait for the next tick; those of a single node reach none before it."""
+        """The ids of its nodes, whose samples for each other wait for the next tick; empty for a single node."""
         self._left: tuple[str, ...] = ()
         self._sent: list[tuple[Numbers, Numbers]] = []
-        """The numbers reported since the last Go, of samples among its own nodes."""
+        """The numbers reported since the last Go, to admit samples between its own nodes."""
         self._key = grant_key(transport.session)
         self.raw: RawSubscriber = transport.subscribe(self._key, QUEUE_SIZE)
         self.watermarks = Watermarks()
         self.refusals = RefusalCounter("lockstep: Go")
         self._watch = transport.watch(token_pattern("node", SIMULATION))
         self._candidates: Counter[str] = Counter()
-        """The sessions that hold the name of the simulation, by their tokens."""
+        """The number of tokens of each session that holds the simulation's name."""
         self._early: dict[str, StepGrant] = {}
         self._secret = secrets.token_bytes(16)
         self._publishers: dict[str, RawPublisher] = {}
@@ -82,7 +82,7 @@ class LockstepMember:
             token.close()
 
     def poll(self) -> StepGrant | None:
-        """The next Go or join, or None; messages of other senders are counted and dropped."""
+        """Return the next Go or join, or None; messages of other senders are counted and dropped."""
         self._watch_simulations()
         for session, greeting in self._early.items():
             if session in self._candidates:
@@ -103,7 +103,7 @@ class LockstepMember:
         return None
 
     def absent(self, roster: Iterable[str]) -> list[str]:
-        """The peers that are not visible; a put reaches every node whose token is visible."""
+        """Return the peers that are not visible; a put reaches every node whose token is visible."""
         return missing_nodes(self._transport, roster)
 
     def finish(
@@ -117,8 +117,8 @@ class LockstepMember:
         left: tuple[str, ...] = (),
         idle_until: int = 0,
     ) -> None:
-        """Report the step as taken, with the keys read and the latched topics published since the last one, and the
-        nodes that have ``left``, if others have not. Before ``idle_until`` [ns], only messages need another step."""
+        """Report the step as finished, with the keys subscribed to (``reads``) and the publishers of latched topics
+        added (``latches``) since the last one; the other arguments are those of ``StepReport``."""
         assert self._go is not None
         self._done = StepReport(
             session=self._transport.session,
@@ -138,7 +138,7 @@ class LockstepMember:
         self._report(self._go.simulation, self._done)
 
     def send_join(self, greeting: StepGrant, marks: Numbers, known: Numbers, latches: tuple[bytes, ...] = ()) -> None:
-        """Answer a greeting; one that comes again, as the answer was lost, is answered again."""
+        """Answer a join; a repeated one, after a lost answer, is answered again."""
         session = greeting.simulation
         done = StepReport(
             session=self._transport.session,
@@ -155,13 +155,13 @@ class LockstepMember:
         self._report(session, done)
 
     def close(self) -> None:
-        """Tell the simulation not to wait for this member any more."""
+        """Report to the simulation that this member is leaving."""
         if self._go is not None and self._transport.open:
             done = StepReport(session=self._transport.session, tick=-1, leaving=True, token=self._go.token)
             self._report(self._go.simulation, done)
 
     def _watch_simulations(self) -> None:
-        """Follow the tokens of the simulation's name."""
+        """Update from the tokens of the simulation's name."""
         for token in iter(self._watch.poll, None):
             entity = Entity.parse(token.key)
             if entity is None or entity.node != SIMULATION:
@@ -178,14 +178,14 @@ class LockstepMember:
                 outlet.close()
 
     def _joined(self, go: StepGrant) -> StepGrant | None:
-        """A join, if its sender may lead this member. Without a proof yet, none of its other content is used."""
+        """Return a join if its sender may lead this member. It is not yet proven, so no other content is used."""
         session = go.simulation
         if session != self._simulation and self._simulation in self._candidates:
             self.refusals.reject(f"greeted by {session}; the simulation is {self._simulation}")
         elif not set(self._nodes) <= set(go.roster) or not _names(go.roster):
             self.refusals.reject("greeted with a roster without this node, or with what are no names")
         elif session not in self._candidates:
-            # Its token may appear a moment later: then it counts.
+            # Its token may appear a moment later: then the join is accepted.
             self._early[session] = go
             if len(self._early) > _EARLY:
                 del self._early[next(iter(self._early))]
@@ -197,7 +197,7 @@ class LockstepMember:
         return None
 
     def _follows(self, go: StepGrant) -> StepGrant | None:
-        """A Go that is not a greeting, if it comes from the simulation and is newer than the last."""
+        """Return a Go if it comes from the simulation and is newer than the last; answer a repeated one again."""
         if fault := self._fault(go):
             self.refusals.reject(fault)
             return None
@@ -207,7 +207,7 @@ class LockstepMember:
             return go
         here = go.epoch, go.tick
         if here == self._last:
-            # The simulation asks again: its Go came twice, or the answer was lost.
+            # The simulation repeats its Go: the first one or its answer was slow or lost.
             if self._done is not None:
                 self._report(go.simulation, self._done)
             return None
@@ -219,7 +219,7 @@ class LockstepMember:
         for sent in self._sent:
             self.watermarks.advance(*sent)
         self._sent.clear()
-        if self._left:  # the simulation knows: their tokens may go, and a later one expects the others alone
+        if self._left:  # the simulation knows it: their tokens may go, and a later simulation expects only the others
             self._nodes = [node for node in self._nodes if node not in self._left]
             self._left = ()
             self.join()
@@ -227,14 +227,14 @@ class LockstepMember:
         return go
 
     def _change(self, simulation: str) -> None:
-        """Follow another simulation, whose time may be any."""
+        """Switch to another simulation, which may be at any time."""
         if (former := self._publishers.pop(self._simulation, None)) is not None:
             former.close()
         self._simulation, self._nonce = simulation, self._nonce_for(simulation)
         self._last, self._done = (-1, -1), None
 
     def _fault(self, go: StepGrant) -> str:
-        """Why a Go is not obeyed; empty when it is."""
+        """Return why a Go is refused; empty if it is accepted."""
         if go.simulation != self._simulation:
             if self._simulation in self._candidates:
                 return f"from {go.simulation}; the simulation is {self._simulation}"
@@ -257,7 +257,7 @@ class LockstepMember:
             self._sent.append((marks, known))
 
     def _nonce_for(self, session: str) -> bytes:
-        """The key on which this member reports to one simulation."""
+        """Return this member's nonce for one simulation: a keyed hash of its session."""
         return hashlib.blake2b(session.encode(), key=self._secret, digest_size=TOKEN_BYTES).digest()
 
     def _report(self, simulation: str, done: StepReport) -> None:

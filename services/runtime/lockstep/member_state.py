@@ -1,4 +1,4 @@
-"""The simulation's state of one member of lockstep."""
+"""The simulation's record of one lockstep member."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from services.runtime.transport.wire import MEMBER_BYTES
 class MemberState:
     """One member: a session and its nodes, several if they share a process.
 
-    ``sequence_numbers``, ``announced`` and ``skipped`` are the numbers still to be sent to it.
-    ``generation_sent`` is the generation of the member list sent to it last, ``answer`` its Done for the pending step.
-    ``asked`` is the last Go or join that it has to answer, sent at ``asked_at`` (wall time). ``waited`` and
-    ``unresponsive`` [s of wall time] are how long its step has been awaited, in all and since its last sign of life.
+    ``sequence_numbers``, ``announced`` and ``skipped`` are the numbers still to be sent to it. ``generation_sent`` is
+    the generation of the member list last sent to it, ``answer`` its Done for the pending step. ``asked`` is the last
+    Go or join that it has to answer, sent at ``asked_at`` (wall time). ``waited`` and ``unresponsive`` [s of wall time]
+    are how long its step has been awaited, in total and since its last heartbeat.
     """
 
     ids: dict[str, bytes]
@@ -49,11 +49,11 @@ class MemberState:
 
     @property
     def name(self) -> str:
-        """Its nodes, for people."""
+        """The names of its nodes, for messages."""
         return ", ".join(self.ids)
 
     def has_work(self, time_ns: int, generation: int) -> bool:
-        """Whether it needs its step at this time: something was sent to it, members came or went, or its time came."""
+        """Return whether it needs a step now: its idle time is over, something was sent to it, or members changed."""
         return (
             time_ns >= self.idle_until
             or bool(self.sequence_numbers or self.announced)
@@ -61,11 +61,11 @@ class MemberState:
         )
 
     def owns(self, publisher: bytes) -> bool:
-        """Whether a publisher is one of its nodes'."""
+        """Return whether a publisher belongs to one of its nodes."""
         return publisher[:MEMBER_BYTES] in self.ids.values()
 
     def account(self, done: StepReport) -> str:
-        """Record the numbers of a report; returns why they cannot be its own, empty if they can."""
+        """Record the numbers of a report; returns why they are refused, empty if they are accepted."""
         if done.greets and (done.period <= 0 or done.period % STEP_NS):
             return f"{self.name} asks to step every {done.period} ns, which is not a whole number of physics steps"
         numbers = {each: number for news in (done.marks, done.known) for each, number in _flat(news)}

@@ -1,14 +1,14 @@
 """Lockstep: the simulation waits at each tick until every member that is due has finished its step.
 
 The simulation sends each due member a Go with the time and the numbers of all samples sent up to the previous tick on
-the keys that the member reads; the member waits for exactly these, steps, and answers Done with the numbers of what it
-sent. So every member sees the same messages at the same tick, whatever the load or the network's timing, and a member
-costs nothing at the ticks at which it is not due. One that has said how long it has nothing to do is not due until then
-either, unless something is sent to it. ``member`` is the member's side, ``barrier`` the simulation's.
+the keys that the member reads; the member waits for exactly these, steps, and answers Done with the numbers of the
+samples that it sent. So every member sees the same messages at the same tick, whatever the load or the network's
+timing, and a member costs nothing at ticks at which it is not due. A member that has reported until when it is idle is
+not due until then, unless something is sent to it. ``member`` is the member's side, ``barrier`` the simulation's.
 
-Sessions are public, so both sides prove that they received each other's messages. A join carries a random ``token`` of
-the simulation for the member, the answer a random ``nonce`` of the member for the simulation; from then on each Go
-repeats the nonce and each Done the token, and any other is refused. A program that only sends cannot know them. One
+Session ids are public, so both sides prove that they received each other's messages. A join carries a random ``token``
+of the simulation for the member, the answer a random ``nonce`` of the member for the simulation; from then on each Go
+repeats the nonce and each Done the token, and all others are refused. A program that only sends cannot know them. One
 that also listens on these keys can: only an access list with certificates prevents that.
 """
 
@@ -28,24 +28,24 @@ from services.runtime.transport.api import ADMIN_SPACE
 from services.runtime.transport.wire import MEMBER_BYTES
 
 SIMULATION = "/sim"
-"""The node that leads: the simulation, or the player of a bag in its place."""
+"""The leading node: the simulation, or the player of a bag in its place."""
 ENCODING = "application/msgpack;elea/lockstep"
 QUEUE_SIZE = 256
-"""Size of the rings of lockstep's keys, above the number of members. What a flood pushes out is sent again."""
+"""Size of the rings of lockstep's keys, above the number of members. Messages that a flood pushes out are resent."""
 MAX_BYTES = 1 << 22
-"""Bytes of a Go or a Done; a larger one is refused unread. That of 300 robots takes a twentieth."""
+"""Maximum bytes of a Go or a Done; a larger one is refused undecoded. That of 300 robots takes a twentieth."""
 TOKEN_BYTES = 8
 
 Session = Annotated[str, Meta(pattern=r"^[0-9a-f]{1,32}\Z")]
-"""The id of a session; nothing else may become part of a key."""
+"""A session id; nothing else may become part of a key."""
 _Instant = Annotated[int, Meta(ge=0, le=1 << 62)]
 _Token = Annotated[bytes, Meta(max_length=TOKEN_BYTES)]
 
 
 class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
-    """Leave to take one step. With ``roster`` it is a greeting: see these nodes first, answer, take no step.
+    """Go: permission to take one step. With ``roster`` it is a join: answer once these nodes are visible; no step.
 
-    ``skipped`` has the last numbers from before the member read a key: it drops samples up to these.
+    ``skipped`` has the last numbers sent before the member subscribed to a key: it drops samples up to these.
     """
 
     simulation: Session
@@ -63,15 +63,14 @@ class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class StepReport(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
-    """A step is done; ``known`` has the numbers of samples sent before the peers were certain to receive them.
+    """Done: a step is finished; ``known`` has the numbers of samples sent before the peers were sure to receive them.
 
-    A member that is ``leaving`` takes no more steps; a ``tick`` is then its last one.
-    A report that ``greets`` answers a join instead of a step, and has
-    the ``period`` [ns] of the member's steps. ``reads`` are the keys that it has begun to read in this step: it gets
-    what is sent on them from the next one on. ``latches`` are its new publishers of latched topics, whose last sample
-    such a reader gets. ``left`` are the nodes of a process with several that take no more steps, while others do.
-    Before ``idle_until`` [ns of simulation time] the member has nothing to do unless something is sent to it: until
-    then, the simulation may leave out its steps.
+    A member that is ``leaving`` takes no further steps; ``tick`` is then its last one, or negative. A report that
+    ``greets`` answers a join instead of a step, and has the ``period`` [ns] of the member's steps. ``reads`` are the
+    keys to which the member has subscribed in this step: it receives the samples sent from the next step on.
+    ``latches`` are its new publishers of latched topics, whose last sample such a subscriber receives. ``left`` are
+    nodes that take no further steps, while others of their process do. Before ``idle_until`` [ns of simulation time]
+    the member has nothing to do unless something is sent to it: the simulation may skip its steps until then.
     """
 
     session: Session
@@ -95,17 +94,17 @@ decode_report = decoder(StepReport)
 
 
 def grant_key(session: str) -> str:
-    """The key on which the member of this session receives Go."""
+    """Return the key on which the member of this session receives Go."""
     return f"{ADMIN_SPACE}/{session}/go"
 
 
 def report_key(session: str) -> str:
-    """The key on which the simulation of this session receives Done."""
+    """Return the key on which the simulation of this session receives Done."""
     return f"{ADMIN_SPACE}/{session}/done"
 
 
 def sequence_numbers(outputs: Iterable[Publisher[Any]]) -> Numbers:
-    """The last numbers of the outputs that sent anything since the previous call."""
+    """Return the last numbers of the publishers that sent anything since the previous call."""
     news: Numbers = {}
     for output in outputs:
         if output.sent != output.reported:
@@ -115,10 +114,10 @@ def sequence_numbers(outputs: Iterable[Publisher[Any]]) -> Numbers:
 
 
 def last_reported(outputs: Iterable[Publisher[Any]]) -> tuple[Numbers, Numbers]:
-    """The numbers that ``sequence_numbers`` has reported so far, of latched topics and of the others, to answer a join.
+    """Return the numbers reported so far by ``sequence_numbers``, of latched and of other topics, to answer a join.
 
-    Latched samples will reach every member, the others are only known. Repeated calls return the same: a join may be
-    repeated, also by a simulation that has waited for this member before.
+    Latched samples will reach every member, the others may not. Repeated calls return the same: a join may be repeated,
+    also by a simulation that has waited for this member before.
     """
     latched: Numbers = {}
     rest: Numbers = {}

@@ -9,7 +9,7 @@ from msgspec import Meta
 from services.runtime.transport.wire import MEMBER_BYTES
 
 MAX_JUMP = 1 << 20
-"""Samples that a publisher may send between two ticks; a number beyond that is forged."""
+"""Maximum samples of a publisher between two ticks; a number beyond that is forged."""
 
 Publisher = Annotated[bytes, Meta(min_length=16, max_length=16)]
 Numbers = dict[str, dict[Publisher, Annotated[int, Meta(ge=0, le=1 << 62)]]]
@@ -19,9 +19,9 @@ Numbers = dict[str, dict[Publisher, Annotated[int, Meta(ge=0, le=1 << 62)]]]
 class Watermarks:
     """The last admitted number of each publisher of a lockstep member, by key.
 
-    ``died`` are the members dropped since the last time the caller cleared this set. ``epoch_changed`` means that
-    simulation time was reset: all samples sent before have been reported. ``skipped`` are the numbers up to which
-    samples were sent before this member read their keys.
+    ``lost_members`` are the members dropped since the caller last cleared this set. ``epoch_changed`` means that
+    simulation time was reset: all samples sent before have been reported. ``skipped`` has the last numbers sent before
+    this member subscribed to their keys.
     """
 
     def __init__(self) -> None:
@@ -43,12 +43,12 @@ class Watermarks:
         merge_numbers(self.required, news)
 
     def clear_required(self) -> None:
-        """Forget the required numbers: they were received, or given up."""
+        """Clear the required numbers, which were received or given up, and ``epoch_changed``."""
         self.required = {}
         self.epoch_changed = False
 
     def regroup(self, members: set[bytes]) -> None:
-        """From now on these are the members; how far others had come is forgotten."""
+        """Set the members; drops the admitted numbers of all others."""
         self.members = members
         for key, numbers in list(self.admitted_upto.items()):
             if kept := {each: number for each, number in numbers.items() if each[:MEMBER_BYTES] in members}:
@@ -57,7 +57,7 @@ class Watermarks:
                 del self.admitted_upto[key]
 
     def implausible(self, news: Numbers) -> str:
-        """Why these numbers cannot be; empty when they can."""
+        """Return why these numbers are implausible; empty if they are not."""
         for key, numbers in news.items():
             reached = self.admitted_upto.get(key, {})
             for publisher, number in numbers.items():
@@ -67,7 +67,7 @@ class Watermarks:
 
 
 def merge_numbers(into: Numbers, news: Numbers) -> None:
-    """Add ``news`` to ``into``; a number never falls."""
+    """Merge ``news`` into ``into``, keeping the higher number of each publisher."""
     for key, numbers in news.items():
         known = into.setdefault(key, {})
         for publisher, number in numbers.items():

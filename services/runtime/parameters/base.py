@@ -1,4 +1,4 @@
-"""The base class of every service's parameters, and the declaration of a parameter."""
+"""The base class of services' parameters, and the declaration of a parameter."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def param(
     """Declare a parameter: ``speed: float = param(0.2, 0.0, 1.0, "m/s", "Top speed.")`` in a Parameters class.
 
     Args:
-        default: the value unless another is set.
+        default: the default value.
         low: the lowest allowed number.
         high: the highest allowed number.
-        unit: the unit of a number, as "m/s".
+        unit: the unit of a number, such as "m/s".
         text: the description in the help and the panel.
-        live: whether a running service follows its changes.
+        live: whether a running service applies its changes.
         level: the bit of ``Context.params_changed`` that is set when it changes.
         at_most: the name of a parameter that bounds it from above.
         excludes: the names of parameters that must be null or false while this one is not.
@@ -55,7 +55,7 @@ def param(
 
 
 def _annotated(hint: Any, meta: Meta) -> Any:
-    """The hint annotated with ``meta``; of an optional one, the type beside None is annotated."""
+    """Annotate a type hint with ``meta``; in an optional one, the type beside None."""
     if isinstance(hint, str):
         text = hint.removesuffix("None").rstrip().removesuffix("|")
         return Annotated[hint, meta] if text in (hint, "") else Annotated[text.strip(), meta] | None
@@ -84,7 +84,7 @@ class ParametersType(msgspec.StructMeta):
 class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, metaclass=ParametersType):
     """The parameters of a service: a flat record of bool, int, float, str or tuples of them.
 
-    Each is declared by ``param``. What that does not cover, such as an exclusive bound, is written out:
-    ``Annotated[float, Meta(gt=0, description=..., extra={"unit": "m"})]``; ``extra`` holds ``unit``, ``live``,
-    ``level``, ``at_most`` and ``excludes`` as ``param`` does. Bounds and relations are checked before a change counts.
+    Each is declared with ``param``, or, for features that it lacks, such as an exclusive bound, with
+    ``Annotated[float, Meta(gt=0, description=..., extra={"unit": "m"})]``; ``extra`` may have ``unit``, ``live``,
+    ``level``, ``at_most`` and ``excludes``, as in ``param``. Bounds and relations are checked before a change applies.
     """

@@ -24,15 +24,15 @@ Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
 TRY_TIMEOUT_S = 2.0
-"""Wall time that one attempt waits for its answer."""
+"""Wall time [s] that one attempt waits for its answer."""
 LAST_TRY_S = 1.0
-"""Wall time [s] to wait for a server of the request, where the network says that there is none."""
+"""Wall time [s] to wait for a server of the request if the network reports that there is none."""
 _PAUSE_S = 0.1
 _read_refusal = decoder(Refusal)
 
 
 class OutcomeUnknown(CallFailed):
-    """The request was sent and no answer came: it may have been carried out, or not."""
+    """The request was sent and not answered: it may have been carried out, or not."""
 
 
 def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, timeout: float = 5.0) -> R:
@@ -72,15 +72,15 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
 
 
 class _Absence(NamedTuple):
-    """No server of a request is visible; ``certain`` if the network has named all that are there."""
+    """No server of a request is visible; ``certain`` if the network has reported all tokens."""
 
     reason: str
     certain: bool
 
 
 def _look_for_server(transport: Transport, request: Request[Any, Any]) -> _Absence | None:
-    """None if a server of the request is visible. A machine that is too busy to say who is there does not count as one
-    without a server.
+    """Return None if a server of the request is visible. If the network is too busy to report all tokens, its absence
+    is not certain.
     """
     pattern = token_pattern("srv", "*", request.name)
     try:
@@ -101,7 +101,7 @@ def _decode_reply(request: Request[Q, R], payload: bytes) -> R:
 
 
 def _reason(payload: bytes) -> str | None:
-    """Why it was refused; None if it was not answered in time."""
+    """Return the reason of a refusal; None for a timeout."""
     if payload == TIMEOUT:
         return None
     try:
@@ -114,7 +114,7 @@ AUTHORITY = PARAMS_ANNOUNCE.name.rpartition("/")[0]
 """The node of the parameter service: ``/params``."""
 
 SIGHT_S = 0.25
-"""Wall time [s] that a starting node looks for a parameter service that is not visible at once."""
+"""Wall time [s] that a starting node waits for a parameter service that is not visible at once."""
 START_S = 2.0
 """Wall time [s] that a starting node waits for the answer of a visible parameter service."""
 AWAIT_S = 10.0
@@ -122,7 +122,7 @@ AWAIT_S = 10.0
 ANSWER_S = 5.0
 """Wall time [s] that a running node waits for an answer, while its loop continues."""
 RETRY_S = 3.0
-"""Wall time [s] after which it announces again when it got no usable answer."""
+"""Wall time [s] after which it repeats an announcement without a usable answer."""
 
 _TOKENS = token_pattern("srv", AUTHORITY, PARAMS_ANNOUNCE.name)
 _KEY = key_of(PARAMS_ANNOUNCE.name)
@@ -153,7 +153,7 @@ class ParameterClient:
 
     @classmethod
     def of(cls, node: Node, quiet: bool = False) -> Self:
-        """The node's client, made when it is first asked for; the node's loop serves it from then on."""
+        """Return the node's client, created by the first call; the node's loop serves it from then on."""
         for known in node.extensions:
             if isinstance(known, cls):
                 return known
@@ -182,13 +182,12 @@ class ParameterClient:
 
     @property
     def unanswered(self) -> bool:
-        """Whether a set was announced to a visible parameter service and is not answered yet, neither with values
-        nor with a refusal."""
+        """Whether a set announced to a visible parameter service has got neither values nor a refusal yet."""
         return self.available and any(not followed.refused for followed in self._asking)
 
     def expect(self, stopping: Callable[[], bool]) -> None:
         """Block until the parameter service is visible, AWAIT_S have passed since the first call, or the process is to
-        stop. ``attach`` then repeats its announcement for as long."""
+        stop. Within this time, ``attach`` repeats its announcement."""
         if self._patience is None:
             deadline = time.monotonic() + AWAIT_S
             self._patience = lambda: time.monotonic() < deadline and not stopping()
@@ -197,9 +196,9 @@ class ParameterClient:
             time.sleep(0.01)
 
     def attach(self, followed: ParameterSet, wait: bool = True) -> None:
-        """Announce a set; with ``wait``, block until the answer or START_S have passed.
+        """Announce a set; with ``wait``, block until it is answered or START_S have passed.
 
-        An expected service is called again while the time of ``expect`` lasts: it may be visible before the link to
+        An expected service is called again until the time of ``expect`` is over: it may be visible before the link to
         it works.
         """
         if not self.available:
@@ -217,7 +216,7 @@ class ParameterClient:
             self._announce(followed)
 
     def detach(self, followed: ParameterSet) -> None:
-        """Stop following a set, and notify the parameter service."""
+        """Remove a set, and notify the parameter service."""
         self._sets.remove(followed)
         self._asking.pop(followed, None)
         if self.available:
@@ -225,11 +224,11 @@ class ParameterClient:
             self._leaving.append(self._transport.query_async(_KEY, encode(leaving), ANSWER_S))
 
     def next_id(self) -> str:
-        """A new id for a request, unique over all sets of this node."""
+        """Return a new request id, unique over all sets of this node."""
         return f"{self._transport.session}-{next(self._numbers)}"
 
     def spin_once(self) -> None:
-        """Follow a parameter service that appears or disappears, and process its answers."""
+        """Process parameter services that appeared or disappeared, and their answers."""
         while (event := self._watch.poll()) is not None:
             self._note(event.key, event.alive)
         if self._asking:
@@ -239,14 +238,14 @@ class ParameterClient:
             self._undoing = [each for each in self._undoing if not self._undone(*each)]
 
     def request_undo(self, followed: ParameterSet, revision: int, reason: str) -> None:
-        """Let the parameter service undo a change that this node rejects, so that all nodes have the same values."""
+        """Ask the parameter service to undo a change that this node rejects, so that all nodes have the same values."""
         who = f"{self._node}: {reason}"[:255]
         asked = UndoParameters(set=followed.set, revision=revision, id=self.next_id(), who=who)
         key = key_of(PARAMS_UNDO.name)
         self._undoing.append((self._transport.query_async(key, encode(asked), ANSWER_S), followed.set))
 
     def trusts(self, publisher: bytes, key: str) -> bool:
-        """Whether a publisher of ``key`` is the parameter service: it holds the token, or is its lockstep member."""
+        """Return whether a publisher of ``key`` is the parameter service, by its token or as a lockstep member."""
         if any(publisher == publisher_id(AUTHORITY, session, key) for session in self._sessions):
             return True
         member, own = publisher[:MEMBER_BYTES], publisher_id(AUTHORITY, "", key)
@@ -254,7 +253,7 @@ class ParameterClient:
         return same and self.watermarks is not None and member in self.watermarks.members
 
     def _check_presence(self) -> None:
-        """Look again for SIGHT_S: while links come up, a service may be invisible for a moment."""
+        """Wait up to SIGHT_S for a service: while links come up, it may be invisible for a moment."""
         deadline = time.monotonic() + SIGHT_S
         while not self.available and time.monotonic() < deadline:
             time.sleep(SIGHT_S / 5)
@@ -337,7 +336,7 @@ class ParameterClient:
 
     def _answered(self, followed: ParameterSet, answer: ParameterValues) -> None:
         source = self._source()
-        # In lockstep it counts from the tick at which it arrives as an update, the same for all members.
+        # In lockstep the values apply from the tick at which they arrive as an update, the same for all members.
         if self.watermarks is None or source not in self.watermarks.members:
             followed.enqueue(answer, source)
 
@@ -349,12 +348,12 @@ class ParameterClient:
         self._asking[followed] = None, time.monotonic() + RETRY_S
 
     def _source(self) -> bytes:
-        """The member id of the answering service, empty if several are visible."""
+        """Return the member id of the answering service; empty unless exactly one is visible."""
         return member_id(AUTHORITY, next(iter(self._sessions))) if len(self._sessions) == 1 else b""
 
 
 def announcement(node: str, followed: ParameterSet) -> Announcement:
-    """The announcement of a node's set."""
+    """Return the announcement of a node's set."""
     return Announcement(
         set=followed.set,
         node=node,
@@ -366,6 +365,6 @@ def announcement(node: str, followed: ParameterSet) -> Announcement:
 
 
 def assignments(values: dict[str, Any]) -> Iterator[Assignment]:
-    """Names and values as assignments of a message."""
+    """Yield names and values as assignments of a message."""
     for name, value in values.items():
         yield Assignment(name=name, value=value)

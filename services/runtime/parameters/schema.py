@@ -14,9 +14,9 @@ from msgspec import Meta
 from messages.parameters import ParameterDescription
 
 ALL_LEVELS = 2**32 - 1
-"""Every level: that of a set's first values."""
+"""All levels, as of a set's first values."""
 MAX_TEXT_LENGTH = 60_000
-"""Characters of a JSON text; a longer one is cut, since it is only displayed."""
+"""Maximum characters of a JSON text; a longer one is truncated, since it is only displayed."""
 
 
 class Field(NamedTuple):
@@ -34,7 +34,7 @@ class Field(NamedTuple):
     default: Any
 
     def extra(self, key: str, default: Any) -> Any:
-        """An entry of ``Meta(extra=...)``; that of the outermost annotation counts."""
+        """Return an entry of ``Meta(extra=...)``; that of the outermost annotation counts."""
         for meta in reversed(self.metas):
             if meta.extra is not None and key in meta.extra:
                 return meta.extra[key]
@@ -50,7 +50,7 @@ class Constraint(NamedTuple):
 
 
 class Unwrapped(NamedTuple):
-    """A type hint taken apart; ``metas`` from the innermost to the outermost."""
+    """The parts of a type hint; ``metas`` from the innermost to the outermost."""
 
     kind: Any
     metas: tuple[Meta, ...]
@@ -58,7 +58,7 @@ class Unwrapped(NamedTuple):
 
 
 def unwrap(hint: Any) -> Unwrapped:
-    """The type behind annotations and ``| None``."""
+    """Return the type inside annotations and ``| None``."""
     metas: tuple[Meta, ...] = ()
     optional = False
     while True:
@@ -74,7 +74,7 @@ def unwrap(hint: Any) -> Unwrapped:
 
 
 def element_type(kind: Any) -> Unwrapped | None:
-    """The element type of a list or tuple; None for any other type."""
+    """Return the element type of a list or tuple; None for any other type."""
     if get_origin(kind) not in (tuple, list):
         return None
     return unwrap(get_args(kind)[0])
@@ -82,13 +82,13 @@ def element_type(kind: Any) -> Unwrapped | None:
 
 @cache
 def fields_of(record: type[msgspec.Struct]) -> tuple[Field, ...]:
-    """The single values of a record, in the order of declaration."""
+    """Return the single values of a record, in the order of declaration."""
     return tuple(_fields_of(record, "", (), False))
 
 
 @cache
 def constraints_of(record: type[msgspec.Struct]) -> tuple[Constraint, ...]:
-    """The constraints that a record's annotations declare, which name parameters relative to their own table."""
+    """Return the constraints in a record's annotations, which refer to parameters of their own table."""
     return tuple(
         Constraint(leaf.name, _sibling(leaf, most) if most else "", tuple(_sibling(leaf, each) for each in excluded))
         for leaf in fields_of(record)
@@ -98,7 +98,7 @@ def constraints_of(record: type[msgspec.Struct]) -> tuple[Constraint, ...]:
 
 
 def lengths(leaf: Field) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Least and most items at each level of a list, outermost first, then characters of a text; 0 is not a bound."""
+    """Return the minimum and maximum lengths of each list level, outermost first, then of a text; 0 means unbounded."""
     if leaf.structured:
         return (), ()
     found, inner = [], Unwrapped(leaf.kind, leaf.metas, False)
@@ -113,14 +113,14 @@ def lengths(leaf: Field) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 
 def flatten(values: msgspec.Struct) -> dict[str, Any]:
-    """The single values of a record by their dotted names, as plain numbers, texts and tuples."""
+    """Return the single values of a record by their dotted names, as plain numbers, texts and tuples."""
     return {leaf.name: _plain(_at(values, leaf), leaf) for leaf in fields_of(type(values))}
 
 
 def nest(record: type[msgspec.Struct], flat: Mapping[str, Any]) -> dict[str, Any]:
-    """The nested tables of flat values, ready to build a record from, without lists of tables: ``flatten`` reversed.
+    """Return nested tables of flat values to build a record from, without lists of tables: the inverse of ``flatten``.
 
-    An optional table is None when all its required values are null. Unknown names stay as they are.
+    An optional table is None if all its required values are null. Unknown names stay as they are.
     """
     tree: dict[str, Any] = {}
     structured = {leaf.name for leaf in fields_of(record) if leaf.structured}
@@ -136,7 +136,7 @@ def nest(record: type[msgspec.Struct], flat: Mapping[str, Any]) -> dict[str, Any
 
 
 def changed_names(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[str, ...]:
-    """The names of ``one`` whose values differ in ``other``."""
+    """Return the names of ``one`` whose values differ in ``other``."""
     return tuple(name for name, value in one.items() if name not in other or other[name] != value)
 
 
@@ -168,7 +168,7 @@ def _fields_of(record: Any, prefix: str, outer: tuple[Meta, ...], optional: bool
 
 
 def _at(values: Any, leaf: Field) -> Any:
-    """The value of a leaf; the default of its own record where the table around it is None."""
+    """Return the value of a leaf; its default if the table around it is None."""
     for step in leaf.name.split("."):
         if values is None:
             return leaf.default
@@ -182,7 +182,7 @@ def _plain(value: Any, leaf: Field) -> Any:
 
 
 def _stated(value: Any) -> Any:
-    """Without the keys that are null."""
+    """Return the value without keys that are null."""
     if isinstance(value, dict):
         return {key: _stated(each) for key, each in value.items() if each is not None}
     return [_stated(each) for each in value] if isinstance(value, list | tuple) else value
@@ -215,7 +215,7 @@ def _sibling(leaf: Field, name: str) -> str:
 
 
 def _length(kind: Any, metas: tuple[Meta, ...]) -> tuple[int, int]:
-    """The bounds of a list's length or a text's characters; of a fixed tuple, its length twice."""
+    """Return the bounds on the length of a list or text; for a fixed tuple, its length twice."""
     items = get_args(kind)
     if get_origin(kind) is tuple and Ellipsis not in items:
         return len(items), len(items)
@@ -227,7 +227,7 @@ _NAMES = {bool: "bool", int: "int", float: "float", str: "str"}
 
 
 def type_name(leaf: Field) -> tuple[str, tuple[str, ...]]:
-    """The type as a description names it, ``float[]`` for one, and its choices."""
+    """Return the type as named in a description, such as ``float[]``, and its choices."""
     if leaf.structured:
         return "str", ()
     kind, brackets = leaf.kind, ""
@@ -239,7 +239,7 @@ def type_name(leaf: Field) -> tuple[str, tuple[str, ...]]:
 
 
 def all_metas(leaf: Field) -> tuple[Meta, ...]:
-    """The annotations of a leaf and of its elements, the elements' first."""
+    """Return the annotations of a leaf and of its elements, those of the elements first."""
     metas: tuple[Meta, ...] = leaf.metas
     kind = leaf.kind
     while (inner := element_type(kind)) is not None:
@@ -259,7 +259,7 @@ class Constrained(Protocol):
 
 
 def describe_range(description: ParameterDescription) -> str:
-    """The bounds in words, with the unit: ``0 to 5 m/s``, ``above 0``, or nothing."""
+    """Return the bounds in words, with the unit: ``0 to 5 m/s``, ``above 0``, or an empty text."""
     low, high = description.low, description.high
     if low is None and high is None:
         return ""
@@ -273,7 +273,7 @@ def describe_range(description: ParameterDescription) -> str:
 
 
 def describe_length(description: ParameterDescription) -> str:
-    """The bounds of lengths in words: ``6 items``, ``at most 255 characters``."""
+    """Return the bounds of lengths in words: ``6 items``, ``at most 255 characters``."""
     depth = description.type.count("[]")
     parts = []
     for level, (least, most) in enumerate(zip(description.shortest, description.longest, strict=True)):
@@ -287,7 +287,7 @@ def describe_length(description: ParameterDescription) -> str:
 
 
 def describe_relations(description: Constrained) -> str:
-    """The constraints on others in words: ``at most fastest``, ``not with a, b``, or nothing."""
+    """Return the constraints on others in words: ``at most fastest``, ``not with a, b``, or an empty text."""
     most = f"at most {description.at_most}" if description.at_most else ""
     off = f"not with {', '.join(description.excludes)}" if description.excludes else ""
     return ", ".join(each for each in (most, off) if each)
@@ -296,9 +296,9 @@ def describe_relations(description: Constrained) -> str:
 def violations(
     related: Iterable[Constrained], values: Mapping[str, Any], concerned: Collection[str] | None = None
 ) -> Iterator[str]:
-    """A sentence for each violated constraint; with ``concerned``, only for constraints on one of these names.
+    """Yield a sentence for each violated constraint; with ``concerned``, only for constraints on one of these names.
 
-    A null is within every bound and bounds nothing; null and false count as off.
+    A null value satisfies every bound and is no bound for others; null and false count as off.
     """
     for each in related:
         value = values.get(each.name)
@@ -318,11 +318,11 @@ def _one_of(concerned: Collection[str] | None, *names: str) -> bool:
 
 
 RENAMED_CHOICES = {"seed": "tutorial"}
-"""Renamed choices, old to new, for every parameter that has the new choice and not the old one."""
+"""Renamed choices, old to new, for parameters that have the new choice and not the old one."""
 
 
 def renamed_choice(value: Any, choices: Collection[str]) -> str | None:
-    """The new name of ``value`` if it is the old name of one of ``choices``, else None."""
+    """Return the new name of ``value`` if it is the old name of one of ``choices``, else None."""
     if not isinstance(value, str) or value in choices:
         return None
     new = RENAMED_CHOICES.get(value)

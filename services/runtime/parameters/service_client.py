@@ -1,4 +1,4 @@
-"""Client of the parameter service for the command line."""
+"""Client of the parameter service for programs without a node, such as the command line."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ParameterServiceClient:
         self._who = f"{_user_at_host()} (param)"
 
     def sets(self) -> dict[str, ParameterSchema]:
-        """All sets by name."""
+        """Return all sets by name."""
         listed = call_idempotent(self._transport, PARAMS_LIST, Empty(), self._timeout).sets
         return {each.set: each for each in listed}
 
@@ -42,7 +42,7 @@ class ParameterServiceClient:
         return find_set(name, self.sets())
 
     def find_parameter(self, path: str) -> tuple[ParameterSchema, str]:
-        """Return the set in ``path``, and the parameter if it is ``/SET/NAME``, else an empty text."""
+        """Return the set in ``path``, and the parameter's name if it is ``/SET/NAME``, else an empty text."""
         sets = self.sets()
         try:
             return find_set(path, sets), ""
@@ -81,7 +81,11 @@ class ParameterServiceClient:
 
 
 def find_set(name: str, sets: dict[str, ParameterSchema]) -> ParameterSchema:
-    """Return the set with this name, with or without its slash, or the set of a node with this name."""
+    """Return the set with this name or, if unambiguous, the set of a node or with an ending of this name.
+
+    Raises:
+        BadInput: No set fits, with the nearest name, or several do.
+    """
     absolute = f"/{name.strip('/')}"
     if absolute in sets:
         return sets[absolute]

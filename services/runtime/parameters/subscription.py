@@ -1,4 +1,4 @@
-"""A node's subscription to one parameter set: the current record, checked as a whole at every change."""
+"""A node's subscription to one parameter set; every change is checked on the whole record."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from services.runtime.transport.wire import MEMBER_BYTES
 P = TypeVar("P", bound=Parameters)
 
 CHANGE_S = 0.5
-"""Wall time that ``change`` waits for the parameter service."""
+"""Wall time [s] that ``change`` waits for the parameter service."""
 LOG_PERIOD_S = 1.0
-"""Wall time between two lines of the log about updates that are refused."""
+"""Wall time [s] between two log lines about refused updates."""
 
 
 class ParameterSubscription(Generic[P]):
     """The current ``params``, replaced as a whole by ``refresh``; ``origins`` has the source of each value.
 
-    ``error`` is why the parameter service's values are not followed; ``refused`` means that it refused the set.
+    ``error`` is why the parameter service's values are not applied; ``refused`` means that it refused the set.
 
     Args:
-        node: The node that follows the set.
+        node: The node that uses the set.
         name: The absolute name of the set.
         params: The values until the parameter service answers.
-        fleet: The values that the fleet file states, by dotted names.
-        command_line: The values that the command line states, by dotted names.
+        fleet: The values of the fleet file, by dotted names.
+        command_line: The values of the command line, by dotted names.
         described: Descriptions in place of those of the record.
-        fits: Raises BadInput for contradicting values; such a change is refused, and undone at the parameter service.
+        fits: Raises BadInput for contradicting values; such a change is refused, and undone in the parameter service.
     """
 
     def __init__(
@@ -81,13 +81,13 @@ class ParameterSubscription(Generic[P]):
         self.client.attach(self, wait)
 
     def close(self) -> None:
-        """Stop following the set."""
+        """Unsubscribe from the set."""
         self.client.detach(self)
         self._node.unregister(self._subscriber)
 
     @property
     def run_values(self) -> dict[str, Any]:
-        """The values set for this run only, for a parameter service that was restarted."""
+        """The values set for this run only, sent to a parameter service that was restarted."""
         return {name: self._flat[name] for name, origin in self.origins.items() if origin == "run"}
 
     def apply_initial(self, values: ParameterValues, source: bytes) -> None:
@@ -103,12 +103,12 @@ class ParameterSubscription(Generic[P]):
         self._queued.append((values, source))
 
     def update(self) -> None:
-        """Read new updates, in loops that do not update all subscribers of the node."""
+        """Read new updates; for loops that do not update all subscribers of the node."""
         self._subscriber.update()
 
     @property
     def pending(self) -> bool:
-        """Whether values have come that ``refresh`` will apply or refuse."""
+        """Whether there are received values that ``refresh`` will apply or refuse."""
         return bool(self._subscriber.messages or self._queued)
 
     def refresh(self) -> int:
@@ -132,7 +132,7 @@ class ParameterSubscription(Generic[P]):
 
         Raises:
             BadInput: Values are out of bounds or contradict each other.
-            CallFailed: The parameter service refuses them, or does not answer.
+            CallFailed: The parameter service refused them, or did not answer.
         """
         if not values:
             return
@@ -152,7 +152,7 @@ class ParameterSubscription(Generic[P]):
 
     def _apply(self, values: ParameterValues, source: bytes, undo: bool) -> int:
         if source == self._source and values.revision < self._revision:
-            return 0  # overtaken by the answer to a request
+            return 0  # the reply to a request was faster
         self._source, self._revision = source, values.revision
         self.error, self.refused = "", False
         live = {each.name: each for each in values.values if each.name in self._live}
@@ -172,13 +172,13 @@ class ParameterSubscription(Generic[P]):
                 self._refuse(str(error))
                 if not self._undo_requested:
                     self.client.request_undo(self, values.revision, str(error))
-            self._undo_requested = True  # once, until something fits again
+            self._undo_requested = True  # only once, until a valid update arrives
             return 0
         self._undo_requested = False
         return self._replace(params, origins)
 
     def _checked(self, flat: Mapping[str, Any]) -> P:
-        """The record with these values; raises BadInput."""
+        """Build the record with these values; raises BadInput."""
         record = type(self.params)
         built = build(record, nest(record, flat), self.set)
         params = msgspec.structs.replace(built, **{name: getattr(self.params, name) for name in self._kept})

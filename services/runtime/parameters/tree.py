@@ -1,4 +1,4 @@
-"""A tree of parameters with the semantics of ROS 1: values at absolute names, inner nodes are maps."""
+"""A parameter tree with the semantics of ROS 1: values at absolute names, inner nodes are maps."""
 
 from __future__ import annotations
 
@@ -12,45 +12,45 @@ from messages.rosparam import MAX_TREE_BYTES
 from services.runtime.errors import BadInput
 
 MAX_DEPTH = 32
-"""Levels of maps and lists."""
+"""Maximum levels of maps and lists."""
 MAX_VALUES = 20_000
-"""Values of one tree, and items of all its lists."""
+"""Maximum values of one parameter, counting maps, lists and all their items."""
 MAX_KEY_LENGTH = 1024
 _MAX_INT = 2**63
 
 
 class ParameterTree:
-    """Values by absolute names. What goes in and comes out is copied."""
+    """Values by absolute names, copied when set and when returned."""
 
     def __init__(self, root: Mapping[str, Any] | None = None) -> None:
         self._root: dict[str, Any] = checked_value("/", root or {})
 
     @classmethod
     def from_json(cls, text: str) -> ParameterTree:
-        """The tree of a JSON text; raises BadInput."""
+        """Parse a tree from a JSON text; raises BadInput."""
         found = parse_json("/", text)
         if not isinstance(found, dict):
             raise BadInput(f"the tree of parameters is {type(found).__name__}, expected a map of names to values")
         return cls(found)
 
     def to_json(self) -> str:
-        """The tree as JSON text, in the order in which the values were set."""
+        """Return the tree as JSON text, in the order in which the values were set."""
         return json.dumps(self._root, separators=(",", ":"))
 
     def get(self, key: str) -> Any:
-        """The value, or the dict of an inner node; raises KeyError."""
+        """Return the value, or the dict of an inner node; raises KeyError."""
         return _copy(self._find(key))
 
     def set(self, key: str, value: Any) -> None:
         """Set a value or, with a dict, a whole branch. A value above it is replaced by a branch.
 
         Raises:
-            BadInput: It is not a parameter, or the root and no dict.
+            BadInput: The value cannot be a parameter, or is not a dict and set as the root.
         """
         self.set_checked(key, checked_value(key, value))
 
     def set_checked(self, key: str, value: Any) -> None:
-        """``set`` with what ``checked_value`` has returned."""
+        """Like ``set``, for a value returned by ``checked_value``; the tree keeps it without a copy."""
         path = split_key(key)
         if not path:
             if not isinstance(value, dict):
@@ -76,7 +76,7 @@ class ParameterTree:
         del node[path[-1]]
 
     def has(self, key: str) -> bool:
-        """Whether there is a value or branch."""
+        """Return whether there is a value or branch."""
         try:
             self._find(key)
         except KeyError:
@@ -84,7 +84,10 @@ class ParameterTree:
         return True
 
     def search(self, namespace: str, key: str) -> str | None:
-        """The nearest key of this name, from the namespace upwards. Only its first part has to exist, as in ROS."""
+        """Return the nearest key of this name, from the namespace upwards; None if there is none.
+
+        As in ROS, only the first part of the name has to exist. Raises BadInput for an empty name.
+        """
         if key.startswith("/"):
             return key if self.has(key) else None
         path, parts = split_key(namespace), split_key(key)
@@ -97,15 +100,15 @@ class ParameterTree:
         return None
 
     def names(self) -> list[str]:
-        """The names of all values, in the order in which they were set; an empty branch has none."""
+        """Return the names of all values, in the order in which they were set; an empty branch has none."""
         return list(_names("", self._root))
 
     def size(self) -> int:
-        """Characters of the JSON text."""
+        """Return the number of characters of the JSON text."""
         return len(self.to_json())
 
     def copy(self) -> ParameterTree:
-        """Another tree with the same values."""
+        """Return a copy of the tree."""
         made = ParameterTree()
         made._root = _copy(self._root)
         return made
@@ -120,14 +123,14 @@ class ParameterTree:
 
 
 def split_key(key: str) -> tuple[str, ...]:
-    """The parts of a name; none for the root. Raises BadInput."""
+    """Return the parts of a name, none for the root; raises BadInput if it is too long."""
     if len(key) > MAX_KEY_LENGTH:
         raise BadInput(f"{key[:80]!r}…: the name of a parameter has {MAX_KEY_LENGTH} characters at most")
     return tuple(each for each in key.split("/") if each)
 
 
 def parse_json(key: str, text: str) -> Any:
-    """The value of a JSON text; raises BadInput."""
+    """Parse a JSON text; raises BadInput with the ``key``."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -135,21 +138,21 @@ def parse_json(key: str, text: str) -> Any:
 
 
 def value_to_json(value: Any) -> str:
-    """The JSON text of a checked value."""
+    """Return the JSON text of a checked value."""
     return json.dumps(value, separators=(",", ":"))
 
 
 def checked_value(key: str, value: Any) -> Any:
-    """A copy of a value as the tree keeps it: tuples as lists, numbers of other libraries as Python's.
+    """Return a copy of a value as the tree stores it: tuples as lists, numbers of other libraries as Python's.
 
-    Raises BadInput for what is not a parameter, with its name.
+    Raises BadInput, with the name, for a value that cannot be a parameter.
     """
     counter = _Counter()
     return _checked(key.rstrip("/") or "/", value, 0, counter)
 
 
 class _Counter:
-    """Counts values and characters against the bounds of a tree."""
+    """Counts values and characters against the limits of a parameter."""
 
     def __init__(self) -> None:
         self.values = self.characters = 0
@@ -220,7 +223,7 @@ def _names(prefix: str, node: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _copy(value: Any) -> Any:
-    """A copy of a checked value, three times as fast as ``copy.deepcopy``."""
+    """Copy a checked value, three times as fast as ``copy.deepcopy``."""
     if isinstance(value, dict):
         return {name: _copy(each) for name, each in value.items()}
     if isinstance(value, list):
@@ -229,7 +232,7 @@ def _copy(value: Any) -> Any:
 
 
 def same_value(one: Any, other: Any) -> bool:
-    """Whether two checked values are the same, in type too; a NaN is the same as another."""
+    """Return whether two checked values are equal, including their types; NaN equals NaN."""
     if type(one) is not type(other):
         return False
     if isinstance(one, dict):

@@ -1,4 +1,4 @@
-"""Parameters from outside: read from text and tables, checked against the bounds that their record declares."""
+"""Reads parameters from text and tables, and checks them against the bounds that their record declares."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ _NOTHING = object()
 def describe_parameters(record: type[Parameters], defaults: Parameters | None = None) -> Iterator[ParameterDescription]:
     """Describe every parameter of a service in the order of declaration, with the record's defaults or those given.
 
-    ``Meta(extra=...)`` of the annotations adds ``unit``; ``live``, false if a running service does not follow it;
-    ``level``, the bit that is set when it changes, 1 by default; ``at_most`` and ``excludes``, constraints on other
-    parameters of its table. Nested tables have dotted names. Bounds of a list are those of its elements. A list of
-    tables is a JSON text that is never live.
+    ``Meta(extra=...)`` of the annotations adds ``unit``; ``live``, false if a running service does not apply its
+    changes; ``level``, the bit that is set when it changes, 1 by default; ``at_most`` and ``excludes``, constraints on
+    other parameters of its table. Nested tables have dotted names. Bounds of a list are those of its elements. A list
+    of tables is a JSON text that is never live.
     """
     given = flatten(defaults) if defaults is not None else {}
     related = {each.name: each for each in constraints_of(record)}
@@ -71,7 +71,7 @@ def describe_parameters(record: type[Parameters], defaults: Parameters | None = 
 
 
 def read_value(text: str) -> Any:
-    """A value written as JSON or TOML; anything else is text."""
+    """Parse a value written as JSON or TOML; anything else is text."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -83,7 +83,7 @@ def read_value(text: str) -> Any:
 
 
 def read_assignments(pairs: Iterable[str], option: str = "--param") -> dict[str, Any]:
-    """``name=value`` texts as a table; raises BadInput."""
+    """Parse ``name=value`` texts into a table; raises BadInput."""
     table: dict[str, Any] = {}
     for pair in pairs:
         name, equals, value = pair.partition("=")
@@ -94,7 +94,7 @@ def read_assignments(pairs: Iterable[str], option: str = "--param") -> dict[str,
 
 
 def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
-    """The record with ``values``; raises BadInput with the parameter, its value and bound, or with a contradiction."""
+    """Build a record with ``values``; raises BadInput with the parameter, its value and bound, or a contradiction."""
     prefix = f"{where}: " if where else ""
     names = record.__struct_fields__
     for name, value in values.items():
@@ -117,7 +117,7 @@ def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
 
 
 def check_value(record: type[Parameters], name: str, value: Any, where: str = "") -> None:
-    """Raise BadInput unless the parameter ``name``, dotted in a table, can become ``value`` while its service runs."""
+    """Raise BadInput unless the parameter ``name`` (dotted in a table) can be set to ``value`` at run time."""
     prefix = f"{where}: " if where else ""
     known = {leaf.name: leaf for leaf in fields_of(record)}
     if name not in known:
@@ -134,13 +134,13 @@ def check_value(record: type[Parameters], name: str, value: Any, where: str = ""
 
 
 def stated(record: type[Parameters], values: Mapping[str, Any]) -> dict[str, Any]:
-    """The single values that a table states, by dotted names, checked and typed as in the record; raises BadInput."""
+    """Return the single values stated in a table by dotted names, checked and typed by the record; raises BadInput."""
     made = flatten(build(record, values))
     return {name: value for name, value in made.items() if _at(values, name.split(".")) is not _NOTHING}
 
 
 def _at(table: Any, path: list[str]) -> Any:
-    """The value at a path of names in nested tables, or _NOTHING."""
+    """Return the value at a path of names in nested tables, or _NOTHING."""
     for step in path:
         if not isinstance(table, Mapping) or step not in table:
             return _NOTHING
@@ -149,7 +149,7 @@ def _at(table: Any, path: list[str]) -> Any:
 
 
 def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float | None, bool]:
-    """The bound of the innermost annotation, and whether it is exclusive; none beyond the wire's own bound."""
+    """Return the innermost annotation's bound and whether it is exclusive; None at or beyond the wire's own bound."""
     for meta in metas:
         for name in (inclusive, exclusive):
             value = getattr(meta, name)
@@ -159,7 +159,7 @@ def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float
 
 
 def _choice_error(leaf: Field | None, value: Any) -> str:
-    """The error text for a value that is not one of the parameter's choices; empty for other parameters."""
+    """Return the error text for a value that is not one of the parameter's choices; empty for other parameters."""
     choices = type_name(leaf)[1] if leaf is not None else ()
     if not choices or not isinstance(value, str):
         return ""

@@ -1,4 +1,4 @@
-"""Publishers of each frame: a frame has one parent and one publisher; conflicts are reported."""
+"""Tracks the publishers of each frame, and reports frames with several parents or publishers."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ MAX_AUTHORITIES = 64
 
 
 class Authority(NamedTuple):
-    """The parent that a publisher gives a frame, and the stamp [ns] of its last transform; None for a fixed one."""
+    """A publisher's parent for a frame, and the stamp [ns] of its last transform; None for a static one."""
 
     parent: str
     stamp: int | None
 
 
 class FrameAuthorities:
-    """The publishers of each frame; one without a new transform for ``cache_ns`` [ns] no longer counts."""
+    """The publishers of each frame; one without a new transform for ``cache_ns`` [ns] is ignored."""
 
     def __init__(self, cache_ns: int) -> None:
         self._cache_ns = cache_ns
@@ -45,16 +45,16 @@ class FrameAuthorities:
         self._newest = 0
 
     def prune(self) -> None:
-        """Forget publishers that no longer count."""
+        """Forget publishers without a new transform for ``cache_ns``."""
         since = self._newest - self._cache_ns
         self._keep(lambda claim: claim.stamp is None or claim.stamp >= since)
 
     def publishers(self, frame: str) -> list[bytes]:
-        """The current publishers of a frame."""
+        """Return the current publishers of a frame."""
         return sorted(self._valid(frame))
 
     def conflicts(self) -> dict[str, str]:
-        """A sentence for each frame with several publishers."""
+        """Return a sentence for each frame with several publishers."""
         found = {}
         for child in sorted(self._conflicting):
             claims = self._valid(child)

@@ -1,6 +1,6 @@
-"""The transform buffer: the tree of frames over the last seconds, looked up with the semantics of ROS's tf2.
+"""The transform buffer: the recent history of the frame tree, with the semantics of ROS's tf2.
 
-Frame names have no leading slash; one is removed, as in tf.
+A leading slash of a frame name is removed, as in tf.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ CACHE_S = 10.0
 MAX_FRAMES = 4096
 """Maximum frames; further ones are refused."""
 MAX_PUBLISHERS = 256
-"""Publishers of fixed frames that are kept apart."""
+"""Maximum publishers of static frames; transforms of further ones are refused."""
 NOT_UNIT = 0.01
-"""Tolerance of a quaternion's squared length; tf2's."""
+"""Tolerance of a quaternion's squared norm; tf2's."""
 _LISTED = 30
 
 
@@ -34,10 +34,10 @@ class LookupResult(NamedTuple):
 
 
 class TransformBuffer:
-    """Receives transforms and answers ``lookup``. Old, repeated or refused ones are counted and have no other effect.
+    """Stores transforms for ``lookup``. Old, repeated and refused ones are counted and have no other effect.
 
-    Of a frame that is published as both moving and static, or as static by several publishers, the last transform
-    counts, as in tf2.
+    For a frame published as both moving and static, or as static by several publishers, the last transform counts, as
+    in tf2.
     """
 
     def __init__(self, cache_s: float = CACHE_S) -> None:
@@ -52,7 +52,7 @@ class TransformBuffer:
         self._most_parents = MAX_FRAMES
 
     def add(self, transforms: Iterable[TransformStamped], publisher: bytes) -> None:
-        """Take moving transforms."""
+        """Add moving transforms."""
         for each in transforms:
             if (child := self._child(each)) is None:
                 continue
@@ -77,7 +77,7 @@ class TransformBuffer:
         """Replace a publisher's static transforms by these.
 
         So a late subscriber, which gets each publisher's last message, has the same tree as an early one. Foreign
-        senders (no ``publisher``) cannot be distinguished: their transforms add up. A frame that moved becomes static.
+        senders (empty ``publisher``) cannot be distinguished: their transforms add up. A moving frame becomes static.
         """
         if publisher not in self._parents_seen and len(self._parents_seen) >= MAX_PUBLISHERS:
             self.refused, self.reason = self.refused + 1, f"more than {MAX_PUBLISHERS} publishers of fixed frames"
@@ -88,55 +88,55 @@ class TransformBuffer:
             if child is not None and (child in links or len(links) < MAX_FRAMES):
                 links[child] = StampedTransform(each.header.frame_id.removeprefix("/"), Pose3.from_msg(each.transform))
                 self._moving.pop(child, None)
-        self._parents_seen.pop(publisher, None)  # at the end of the table: the last one received wins
+        self._parents_seen.pop(publisher, None)  # moves it to the end of the table: the last one received wins
         self._parents_seen[publisher] = links
         self._claims.static(publisher, {child: link.parent for child, link in links.items()})
         self._static = {child: link for links in self._parents_seen.values() for child, link in links.items()}
         self._parents |= {link.parent for link in links.values()}
 
     def clear(self) -> None:
-        """Forget the moving transforms after a reset. Static ones stay, as in tf2."""
+        """Drop the moving transforms after a reset. Static ones stay, as in tf2."""
         self._moving.clear()
         self._claims.clear()
         self._parents = {link.parent for link in self._static.values()}
 
     def frames(self) -> list[str]:
-        """The names of all frames."""
+        """Return the names of all frames."""
         return sorted(self._parents | self._moving.keys() | self._static.keys())
 
     def parent(self, frame: str, time: int | None = None) -> str | None:
-        """The parent of ``frame``, at a time [ns] or the latest; None for the root of a tree."""
+        """Return the parent of ``frame`` at a time [ns], by default the latest; None for the root of a tree."""
         if (history := self._moving.get(frame)) is not None:
             return history.parent(time)
         link = self._static.get(frame)
         return link.parent if link is not None else None
 
     def span(self, frame: str) -> tuple[int, int] | None:
-        """The first and last time [ns] at which a moving frame is known; None for a fixed one and a root."""
+        """Return the oldest and newest stamp [ns] of a moving frame; None for a static frame or a root."""
         history = self._moving.get(frame)
         return (history.oldest, history.newest) if history is not None else None
 
     def samples(self, frame: str) -> int:
-        """How many transforms of a frame are kept; 1 of a fixed one, 0 of a root."""
+        """Return the number of transforms kept for a frame: 1 for a static frame, 0 for a root."""
         if (history := self._moving.get(frame)) is not None:
             return len(history)
         return int(frame in self._static)
 
     def conflicts(self) -> dict[str, str]:
-        """The frames with several publishers, each with a sentence for the log."""
+        """Return the frames with several publishers, each with a sentence for the log."""
         return self._claims.conflicts()
 
     def publishers(self, frame: str) -> list[bytes]:
-        """The publishers of a frame."""
+        """Return the publishers of a frame."""
         return self._claims.publishers(frame)
 
     def lookup(self, target: str, source: str, time: int | None = None) -> LookupResult:
-        """The transform that maps points in ``source`` to ``target``, as tf2's ``lookupTransform``.
+        """Return the transform that maps points from ``source`` to ``target``, like tf2's ``lookupTransform``.
 
         Args:
-            target: The frame of the result.
-            source: The frame to map from. The transform of a frame to itself is the identity, also if it is unknown.
-            time: When, in ns of simulation time; None for the latest common time.
+            target: The frame to map to.
+            source: The frame to map from. A frame to itself gives the identity, even if it is unknown.
+            time: Simulation time [ns]; None for the latest common time.
 
         Raises:
             NoTransform: UnknownFrame, NotConnected, Extrapolation or FrameLoop.
@@ -155,11 +155,11 @@ class TransformBuffer:
     def lookup_full(
         self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str
     ) -> LookupResult:
-        """The transform of ``source`` at ``source_time`` [ns] to ``target`` at ``target_time`` [ns].
+        """Return the transform from ``source`` at ``source_time`` [ns] to ``target`` at ``target_time`` [ns].
 
-        The frame ``fixed`` does not move in between, as in tf2's ``lookupTransform`` with five arguments:
+        ``fixed`` is a frame that does not move in between, as in tf2's ``lookupTransform`` with five arguments:
         T = T(target <- fixed, target_time) T(fixed <- source, source_time). The result has the target's time. A time
-        of None is the latest common one with ``fixed``. Raises NoTransform.
+        of None is the latest one common with ``fixed``. Raises NoTransform.
         """
         for each in (target, source, fixed):
             self._known(each)
@@ -167,7 +167,7 @@ class TransformBuffer:
         return LookupResult(now.time, now.transform.compose(then.transform))
 
     def _child(self, transform: TransformStamped) -> str | None:
-        """The child's name of a transform that makes sense, else None."""
+        """Return the child's name of a valid transform; count an invalid one as refused and return None."""
         child, parent = transform.child_frame_id.removeprefix("/"), transform.header.frame_id.removeprefix("/")
         q, t = transform.transform.rotation, transform.transform.translation
         square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
@@ -185,7 +185,7 @@ class TransformBuffer:
         return None
 
     def _has_room(self) -> bool:
-        """Whether there is room for another frame; forgets those without recent transforms to make room."""
+        """Return whether another frame fits; drops frames without recent transforms if necessary."""
         if len(self._moving) >= MAX_FRAMES:
             newest = max(each.newest for each in self._moving.values())
             self._moving = {name: each for name, each in self._moving.items() if each.newest >= newest - self._cache_ns}
@@ -196,7 +196,7 @@ class TransformBuffer:
         return False
 
     def _add_parent(self, parent: str) -> None:
-        """Record a parent frame; drops parents that no transform refers to any more, to bound memory."""
+        """Record a parent frame; drops parents that no transform refers to any longer, to bound memory."""
         self._parents.add(parent)
         if len(self._parents) > self._most_parents:
             self._parents = {link.parent for link in self._static.values()}
@@ -204,7 +204,7 @@ class TransformBuffer:
             self._most_parents = 2 * len(self._parents) + MAX_FRAMES
 
     def _newest(self, frames: Iterable[str]) -> int | None:
-        """The latest common time [ns] of the moving frames among these; None if none of them moves."""
+        """Return the latest common time [ns] of the moving frames among these; None if none of them moves."""
         return min((self._moving[each].newest for each in frames if each in self._moving), default=None)
 
     def _known(self, frame: str) -> str:
@@ -219,7 +219,7 @@ class TransformBuffer:
         raise UnknownFrame(f"frame {name!r} is unknown{did_you_mean(name, known, 3)} (known: {_listed(known)})")
 
     def _paths(self, target: str, source: str, time: int | None) -> tuple[list[str], list[str]]:
-        """The frames from each up to, without, the one that is above both; raises NotConnected or FrameLoop."""
+        """Return the frames from each up to but excluding their common ancestor; raises NotConnected or FrameLoop."""
         above, below = self._ancestry(target, time), self._ancestry(source, time)
         place = {frame: index for index, frame in enumerate(above)}
         for index, frame in enumerate(below):
@@ -231,7 +231,7 @@ class TransformBuffer:
         )
 
     def _ancestry(self, frame: str, time: int | None) -> list[str]:
-        """The frame and all above it, up to the root."""
+        """Return the frame and its ancestors up to the root; raises FrameLoop."""
         line, seen = [frame], {frame}
         while (parent := self.parent(line[-1], time)) is not None:
             if parent in seen:
@@ -255,7 +255,7 @@ class TransformBuffer:
         return frame
 
     def _up(self, path: list[str], time: int | None) -> Pose3:
-        """The transform of a path's first frame to the parent of its last one."""
+        """Return the transform from a path's first frame to the parent of its last one."""
         here = IDENTITY
         for frame in path:
             history = self._moving.get(frame)

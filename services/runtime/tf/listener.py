@@ -1,4 +1,4 @@
-"""The transforms for a loop, as of the start of the tick."""
+"""The transform listener of a loop, updated at the start of each tick."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Step(Protocol):
 class TransformListener:
     """The transforms of ``/tf`` and ``/tf_static``, kept for ``cache`` [s of simulation time].
 
-    Without ``moving`` only ``/tf_static``: the simulation publishes ``/tf`` only while it has subscribers. A frame
-    with two parents or two publishers is logged, once. After a reset only the static transforms are left.
+    Without ``moving``, only those of ``/tf_static``: the simulation publishes ``/tf`` only while it has subscribers. A
+    frame with several parents or publishers is logged once. After a reset only the static transforms are left.
     """
 
     latched = False
@@ -41,7 +41,7 @@ class TransformListener:
         self._refused = 0
 
     def refresh(self) -> None:
-        """Follow the inputs' last batches."""
+        """Update from the subscribers' last batches."""
         if self._moving is not None:
             add_moving(self.buffer, self._moving)
         # After the moving ones: a publisher that still moves a frame repeats it, one that made it static does not.
@@ -49,17 +49,17 @@ class TransformListener:
         self._log_conflicts()
 
     def clear(self) -> None:
-        """Forget the moving transforms after a reset."""
+        """Drop the moving transforms after a reset."""
         self.buffer.clear()
         add_static(self.buffer, self._fixed)
 
     def lookup(self, target: str, source: str, time: int | None = None) -> TransformStamped:
-        """The transform that maps points in ``source`` to ``target``, as tf2's ``lookupTransform``.
+        """Return the transform that maps points from ``source`` to ``target``, like tf2's ``lookupTransform``.
 
         Args:
-            target: The frame of the result.
+            target: The frame to map to.
             source: The frame to map from.
-            time: When, in ns of simulation time; None for the latest common time.
+            time: Simulation time [ns]; None for the latest common time.
 
         Returns:
             The transform with its time as stamp, 0 if all frames between are static.
@@ -73,16 +73,16 @@ class TransformListener:
     def lookup_full(
         self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str
     ) -> TransformStamped:
-        """The transform of ``source`` at ``source_time`` [ns] to ``target`` at ``target_time`` [ns].
+        """Return the transform from ``source`` at ``source_time`` [ns] to ``target`` at ``target_time`` [ns].
 
-        As tf2's ``lookupTransform`` with a fixed frame ("time travel"): ``fixed`` does not move between the two times.
+        Like tf2's ``lookupTransform`` with a fixed frame ("time travel"): ``fixed`` does not move between the times.
         ``lookup_full("base", now, "base", now - 10**9, "odom")`` is the motion of the base in the last second. Times
         and errors are those of ``lookup``; the stamp is the target's time.
         """
         return _message(target, source, self.buffer.lookup_full(target, target_time, source, source_time, fixed))
 
     def can(self, target: str, source: str, time: int | None = None) -> bool:
-        """Whether ``lookup`` would answer."""
+        """Return whether ``lookup`` would succeed."""
         try:
             self.buffer.lookup(target, source, time)
         except NoTransform:
@@ -90,7 +90,7 @@ class TransformListener:
         return True
 
     def can_full(self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str) -> bool:
-        """Whether ``lookup_full`` would answer."""
+        """Return whether ``lookup_full`` would succeed."""
         try:
             self.buffer.lookup_full(target, target_time, source, source_time, fixed)
         except NoTransform:
@@ -100,11 +100,11 @@ class TransformListener:
     def wait_for(
         self, ticks: Iterator[Step], target: str, source: str, time: int | None = None, timeout: float = 5.0
     ) -> TransformStamped:
-        """Wait until ``lookup`` succeeds; meanwhile the loop's own ``ticks`` pass, so that the node keeps working.
+        """Wait until ``lookup`` succeeds, consuming the loop's own ``ticks``, so that the node keeps working.
 
         Args:
-            ticks: the loop's ticks, ``ticks = ctx.ticks()``; while it waits, requests are answered, heartbeats sent and
-                steps of lockstep done. A reset meanwhile shows in the epoch of later ticks.
+            ticks: the loop's ticks, ``ticks = ctx.ticks()``; meanwhile requests are answered, heartbeats sent and
+                lockstep steps finished. A reset meanwhile shows in the epoch of later ticks.
             target, source, time: as for ``lookup``.
             timeout: maximum wait [s of simulation time], which does not pass while the simulation is paused.
 
@@ -121,7 +121,7 @@ class TransformListener:
             waited += next(ticks).dt
 
     def frames(self) -> list[str]:
-        """The names of all frames."""
+        """Return the names of all frames."""
         return self.buffer.frames()
 
     def _log_conflicts(self) -> None:
@@ -142,7 +142,7 @@ def _message(target: str, source: str, found: LookupResult) -> TransformStamped:
 
 
 def add_moving(buffer: TransformBuffer, source: Subscriber[TFMessage]) -> None:
-    """Add the last batch of ``/tf``. A publisher is known by its node: one that was restarted is still the same."""
+    """Add the last batch of ``/tf``. Publishers are identified by their node, so a restarted one stays the same."""
     for message, origin in source.messages:
         buffer.add(message.transforms, origin.publisher[:NODE_BYTES] if origin is not None else b"")
 

@@ -1,4 +1,4 @@
-"""The time cache of one moving frame: its transforms of the last seconds, in the order of their stamps."""
+"""The time cache of one moving frame: its recent transforms in the order of their stamps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from messages.se3 import Pose3
 from services.runtime.errors import Extrapolation
 
 MAX_SAMPLES = 16_384
-"""Of one frame; ten seconds at more than a kilohertz. A sender that floods loses its own oldest ones."""
+"""Maximum samples of one frame: ten seconds at more than 1 kHz. A sender that floods loses its own oldest ones."""
 
 Verdict = Literal["taken", "old", "repeated"]
 
@@ -34,16 +34,16 @@ class TimeCache:
 
     @property
     def newest(self) -> int:
-        """The last stamp, ns."""
+        """The newest stamp [ns]."""
         return self._stamps[-1]
 
     @property
     def oldest(self) -> int:
-        """The first stamp that is still kept, ns."""
+        """The oldest stamp kept [ns]."""
         return self._stamps[0]
 
     def add(self, stamp: int, link: StampedTransform) -> Verdict:
-        """Take a transform. One older than the cache reaches is ``old``, a second one of a stamp is ``repeated``."""
+        """Add a transform; it is ``old`` if it precedes the cache, ``repeated`` if its stamp [ns] is already there."""
         stamps = self._stamps
         if not stamps or stamp > stamps[-1]:
             stamps.append(stamp)
@@ -61,15 +61,15 @@ class TimeCache:
         return "taken"
 
     def parent(self, time: int | None) -> str:
-        """The parent at a time [ns], or the latest; outside the cached times, that of the nearest sample."""
+        """Return the parent at a time [ns], by default the latest; outside the cache, that of the nearest sample."""
         if time is None or time >= self._stamps[-1]:
             return self._links[-1].parent
         return self._links[max(0, bisect_left(self._stamps, time + 1) - 1)].parent
 
     def at(self, time: int) -> StampedTransform:
-        """The transform at a time [ns], between its neighbours in proportion; raises Extrapolation.
+        """Return the transform at a time [ns], interpolated between two samples; raises Extrapolation.
 
-        Between two samples that name different parents, the earlier one holds.
+        Between two samples with different parents, the earlier one applies.
         """
         stamps = self._stamps
         if not stamps[0] <= time <= stamps[-1]:
@@ -85,7 +85,7 @@ class TimeCache:
         return StampedTransform(before.parent, before.transform.interpolate(after.transform, share))
 
     def _forget(self) -> None:
-        """Drop transforms older than the cache."""
+        """Drop transforms older than ``cache_ns``, and the oldest beyond MAX_SAMPLES."""
         stamps, oldest = self._stamps, self._stamps[-1] - self._cache_ns
         if stamps[0] >= oldest and len(stamps) <= MAX_SAMPLES:
             return

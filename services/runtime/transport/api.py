@@ -1,9 +1,9 @@
-"""The seam to the network: a few verbs that Zenoh and an in-memory bus implement alike.
+"""The interface to the network, implemented by Zenoh and by an in-memory bus.
 
-A transport belongs to one thread, its owner's loop. The loop blocks in ``wait`` on one inlet and wakes for a sample
-there, when it is woken (by a query, a signal, another thread) and ten times a second in any case; everything else is
-drained without blocking. Waiting on the channel itself, instead of having a receiving thread hand samples over, makes
-the round trip a third shorter.
+A transport belongs to one thread, its owner's loop. The loop blocks in ``wait`` on one subscriber and wakes for its
+samples, when it is woken (by a query, a signal, another thread) and ten times a second in any case; everything else is
+drained without blocking. Waiting on the channel itself, instead of having a receiving thread pass samples on, makes the
+round trip a third shorter.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from services.runtime.transport.request_queue import Refusals
 TICKER_S = 0.1
 """``wait`` returns at least this often [s of wall time]."""
 ADMIN_SPACE = "@elea"
-"""First chunk of the keys that are the runtime's own: those of tokens, and what lockstep and idle loops wait on."""
+"""First chunk of the runtime's own keys: tokens, pings, lockstep's messages and the wake-ups of idle loops."""
 
 
 TIMEOUT = b"Timeout"
-"""Payload of the error that stands for a missing answer at the timeout; the word is Zenoh's own."""
+"""Payload of the error reply for a missing answer at the timeout; Zenoh's own word."""
 
 Sample = tuple[bytes, bytes, Any]
 """A received sample: payload, attachment, and the handle for its key and encoding, which most readers never need."""
 
 
 class TokenEvent(NamedTuple):
-    """A liveliness token appeared (``alive``) or went."""
+    """A liveliness token that appeared (``alive``) or disappeared."""
 
     key: str
     alive: bool
@@ -39,15 +39,15 @@ class RawSubscriber(Protocol):
     """A subscription with a ring of the newest samples; unread old ones are overwritten."""
 
     def recv(self) -> Sample | None:
-        """The oldest sample waiting, or None."""
+        """Return the oldest waiting sample, or None."""
         ...
 
     def encoding(self, source: Any) -> str:
-        """The encoding that the sender of a sample gave, or an empty text."""
+        """Return the encoding that the sender of a sample gave, or an empty text."""
         ...
 
     def key(self, source: Any) -> str:
-        """The key on which a sample came."""
+        """Return the key on which a sample arrived."""
         ...
 
     def close(self) -> None:
@@ -59,11 +59,11 @@ class ThreadedSubscriber(RawSubscriber, Protocol):
     """A subscription that belongs to a thread of its own."""
 
     def wait(self) -> bool:
-        """Block until a sample waits, or ``wake`` is called; False when the subscription has ended."""
+        """Block until a sample is waiting or ``wake`` is called; returns False if the subscription has ended."""
         ...
 
     def wake(self) -> None:
-        """End the wait; from any thread."""
+        """End the wait; may be called from any thread."""
         ...
 
 
@@ -85,40 +85,38 @@ class RawPublisher(Protocol):
 
 
 class Query(Protocol):
-    """A query that waits for its reply; ``key`` is the queried key expression, ``attachment`` what its sender put
-    beside the payload, or empty.
-    """
+    """A query waiting for its reply; ``key`` is the queried key expression, ``attachment`` may be empty."""
 
     key: str
     payload: bytes
     attachment: bytes
 
     def reply(self, payload: bytes) -> None:
-        """Answer."""
+        """Send the reply."""
         ...
 
     def refuse(self, payload: bytes) -> None:
-        """Answer with an error."""
+        """Send an error reply."""
         ...
 
 
 class QueryServer(Protocol):
-    """The requests that arrive on one key. Those that are too large, or too many to wait, are refused on arrival."""
+    """The queue of requests on one key. Requests that are too large, or do not fit, are refused on arrival."""
 
     waiting: Collection[object]
     """The queries waiting to be answered."""
 
     def recv(self) -> Query | None:
-        """The oldest request waiting, or None."""
+        """Return the oldest waiting request, or None."""
         ...
 
     def close(self) -> None:
-        """Receive no more."""
+        """Stop receiving requests."""
         ...
 
 
 class Reply(NamedTuple):
-    """The answer to a query: ``ok`` for a result, not an error; ``session`` of the server, empty if unknown."""
+    """The reply to a query: ``ok`` for a result, false for an error; ``session`` of the server, empty if unknown."""
 
     ok: bool
     payload: bytes
@@ -126,34 +124,34 @@ class Reply(NamedTuple):
 
 
 class PendingReplies(Protocol):
-    """A question that waits for its answers."""
+    """A query whose replies are pending."""
 
     def poll(self) -> Sequence[Reply] | None:
-        """All replies once they have arrived or time is up, None before; empty without a server."""
+        """Return all replies once they have arrived or the timeout has passed, else None; empty without a server."""
         ...
 
     def received(self) -> Sequence[Reply]:
-        """The replies that have come so far, of servers alone."""
+        """Return the replies received from servers so far, without timeouts."""
         ...
 
 
 class Token(Protocol):
-    """A liveliness token; it goes when it is closed or its process dies."""
+    """A liveliness token; it disappears when it is closed or its process dies."""
 
     def close(self) -> None:
-        """Take the token back."""
+        """Withdraw the token."""
         ...
 
 
 class TokenWatch(Protocol):
-    """A view on liveliness tokens; those already there appear first."""
+    """The events of liveliness tokens; those of existing tokens come first."""
 
     def poll(self) -> TokenEvent | None:
-        """The oldest event waiting, or None."""
+        """Return the oldest waiting event, or None."""
         ...
 
     def refresh(self) -> None:
-        """Query the tokens again, to report one that was missed while links came up."""
+        """Query the tokens again, to report those missed while links came up."""
         ...
 
 
@@ -163,13 +161,13 @@ class Transport(Protocol):
     session: str
     """The unique id of this connection, as hexadecimal digits."""
     open: bool
-    """Whether it was not closed yet."""
+    """Whether it has not been closed yet."""
     settle_s: float
-    """Wall time [s] in which links come up; what is invisible for longer does not exist."""
+    """Wall time [s] in which links come up; a node that is invisible for longer does not exist."""
 
     @property
     def readers_version(self) -> int:
-        """Another number whenever ``has_subscribers`` of a publication of this connection is another."""
+        """A number that changes whenever ``has_subscribers`` of one of this connection's publications changes."""
         ...
 
     def __enter__(self) -> Self: ...
@@ -179,29 +177,29 @@ class Transport(Protocol):
     def subscribe(
         self, key: str, capacity: int, latched: bool = False, notify: Callable[[], None] | None = None
     ) -> RawSubscriber:
-        """Receive the samples on ``key`` (wildcards allowed); keep ``capacity`` of them.
+        """Subscribe to ``key`` (wildcards allowed), with a ring of ``capacity`` samples.
 
-        With ``notify``, which a thread of the network calls at each sample, ``wait`` does not take it.
+        A thread of the network calls ``notify`` at each sample; such a subscription cannot be passed to ``wait``.
         """
         ...
 
     def subscribe_threaded(self, key: str, capacity: int, latched: bool = False) -> ThreadedSubscriber:
-        """As ``subscribe``, for a thread that waits for these samples alone."""
+        """Like ``subscribe``, for a thread that waits only for these samples."""
         ...
 
     def advertise(self, key: str, encoding: str, quality: Quality) -> RawPublisher:
-        """Send samples on ``key``."""
+        """Declare a publication on ``key``."""
         ...
 
     def serve(self, key: str, largest: int = MAX_REQUEST_BYTES, refusals: Refusals | None = None) -> QueryServer:
-        """Receive the queries on ``key``, each of at most ``largest`` bytes; ``refusals`` counts refused ones."""
+        """Serve the queries on ``key``, of at most ``largest`` bytes each; ``refusals`` counts refused ones."""
         ...
 
     def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
         """Query all servers of ``key`` and wait at most ``timeout`` [s].
 
         Returns:
-            The answer of each server, the error TIMEOUT for a missing one; empty without servers.
+            The reply of each server, the error TIMEOUT for a missing one; empty without servers.
         """
         ...
 
@@ -213,27 +211,30 @@ class Transport(Protocol):
         attachment: bytes = b"",
         notify: Callable[[], None] | None = None,
     ) -> PendingReplies:
-        """As ``query``, without waiting: the caller looks for the replies again and again.
+        """Like ``query``, without waiting: the caller polls for the replies.
 
-        ``notify`` is called once all have come, or time is up; by a thread of the network, or by this one.
+        ``notify`` is called when replies have arrived or the timeout has passed, by any thread.
         """
         ...
 
     def declare_token(self, key: str) -> Token:
-        """Show that this process lives, for as long as the token is kept; ``key`` begins with the chunk KERNEL."""
+        """Declare a liveliness token, visible until it is closed or this process dies.
+
+        The first chunk of ``key`` is ADMIN_SPACE.
+        """
         ...
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
-        """The visible tokens, as far as they are known after ``timeout`` [s] of wall time; on a new connection, those
-        whose links are up."""
+        """Return the visible tokens known within ``timeout`` [s] of wall time; on a new connection, only those whose
+        links are up."""
         ...
 
     def all_tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
-        """The same; raises TryAgain if the network has not named all of them in time."""
+        """Like ``tokens``; raises TryAgain if the network does not report all of them in time."""
         ...
 
     def watch(self, pattern: str) -> TokenWatch:
-        """Follow the tokens that match ``pattern``."""
+        """Watch the tokens that match ``pattern``."""
         ...
 
     def wait(self, inlet: RawSubscriber) -> None:
@@ -250,5 +251,5 @@ class Transport(Protocol):
 
 
 def idle_subscriber(transport: Transport) -> RawSubscriber:
-    """A subscription to nothing, for a loop that waits for nudges alone."""
+    """Return a subscription without samples, for a loop that waits only for wake-ups."""
     return transport.subscribe(f"{ADMIN_SPACE}/{transport.session}/rest", 16)

@@ -1,11 +1,11 @@
-"""Latched topics on Zenoh: a subscriber that comes late fetches the last sample of each publisher.
+"""Latched topics on Zenoh: a late subscriber queries the last sample of each publisher.
 
-A publisher keeps its last sample, shows by a token that it does, and answers on the token's key; subscribers watch
-these tokens. Keys and samples are those of the advanced publishers and subscribers of ``zenoh.ext``, which may stand on
-the other side. Those ask and answer in the thread that receives: when two nodes had 300 KB for each other at once,
-their threads waited for each other, none of 60 topics arrived, and Zenoh closed their link for good. Such a subscriber
-also holds all samples of its topic back until the last answer has come. Here a thread of its own asks and answers, and
-samples count as they come, those that wait to be read in the order of their sending; their numbers tell what is new.
+A publisher keeps its last sample, declares a token for it, and answers queries on the token's key; subscribers watch
+these tokens. Keys and samples are those of the advanced publishers and subscribers of ``zenoh.ext``, so these may be
+the other side. They query and answer in the receiving thread: when two nodes had 300 KB for each other at once, their
+threads waited for each other, none of 60 topics arrived, and Zenoh closed their link for good. Such a subscriber also
+holds back all samples of its topic until the last reply has arrived. Here a thread of its own queries and answers.
+Samples are accepted as they arrive, and read in the order of their sending; sequence numbers show which are new.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from zenoh.handlers import Callback
 from services.runtime.transport.api import TIMEOUT
 
 _KEPT = "@adv/pub"
-"""Below a topic's key, where publishers that keep samples have their tokens."""
+"""Infix after a topic's key in the tokens of publishers that keep samples."""
 ASK_S = 10.0
-"""Wall time [s] that a publisher has for its answer; then it is asked again, for as long as its token is there."""
+"""Wall time [s] that a publisher has to reply; then the query is repeated, for as long as its token is there."""
 AGAIN_S = 0.2, 1.0, 4.0
-"""Wall time [s] after which a publisher is asked again from which nothing came at all: it has sent nothing yet, or its
-token came before the way to it was known, as while two peers that met through a router are being linked."""
+"""Wall time [s] after which a publisher without any reply is queried again: it has sent nothing yet, or its token
+arrived before the route to it was known, as while two peers that met through a router are being linked."""
 RELEASE_S = 0.2
-"""Wall time [s] for which an answered question is kept. Whoever lets go of it last sends the end of the answer. If that
-is the thread that receives, because it was still on its way back from handing the question over, then it waits for room
-on a link that the answers have filled, and reads nothing meanwhile: where both sides did, nothing arrived for 30 s."""
+"""Wall time [s] for which an answered query is kept. The thread that drops its last reference sends the end of the
+reply. If that is the receiving thread, still returning from passing the query on, it waits for space on a link that the
+replies have filled and reads nothing meanwhile: when both sides did that, nothing arrived for 30 s."""
 RECENT = 64
-"""Samples by which one that arrives on both ways, sent and fetched, is recognized; of one answer, no more are taken."""
+"""Samples remembered to recognize one that is both sent and fetched; also the maximum accepted from one query."""
 
 Run = Callable[[Callable[[], None]], None]
-"""Has the thread call something."""
+"""Has the thread call a function."""
 RunLater = Callable[[float, Callable[[], None]], None]
 """Has the thread call a function after a delay [s of wall time]."""
 
 
 class LatchedPublisher:
-    """A publication that keeps its last sample. It always has subscribers: those that come later."""
+    """A publication that keeps its last sample. It counts as always having subscribers: later ones need the sample."""
 
     has_subscribers = True
 
@@ -58,7 +58,7 @@ class LatchedPublisher:
         self._token = session.liveliness().declare_token(key)
 
     def put(self, payload: bytes, *, attachment: bytes) -> None:
-        """Keep the sample, then send it: who subscribes in between gets it twice, and nobody misses it."""
+        """Keep the sample, then send it: a subscriber that appears in between gets it twice, and none misses it."""
         stamp = self._session.new_timestamp()
         self._last = {"payload": payload, "attachment": attachment, "timestamp": stamp}
         self._publisher.put(**self._last)
@@ -69,7 +69,7 @@ class LatchedPublisher:
             each.undeclare()
 
     def _on_query(self, query: Any) -> None:
-        """Called by Zenoh in the thread that receives, which must not send."""
+        """Pass a query on; called by Zenoh in the receiving thread, which must not send."""
         self._run(lambda: self._answer(query))
 
     def _answer(self, query: Any) -> None:
@@ -79,16 +79,16 @@ class LatchedPublisher:
 
 
 class LatchedPast:
-    """The fetched samples of one subscription. A sample may be sent, fetched, or both: then the second is dropped.
+    """The fetched samples of one subscription. If a sample is both sent and fetched, the second copy is dropped.
 
-    Both copies have one timestamp and one content. The timestamp alone does not do: a program that sends something else
-    with the one of a latched sample, which it can ask for as everybody does, would silence it.
+    Both copies have the same timestamp and content. The timestamp alone does not suffice: any program can query a
+    latched sample, and could suppress it by sending other content with its timestamp.
     """
 
     def __init__(self, session: Any, run: Run, run_later: RunLater) -> None:
         self._run, self._run_later, self._session = run, run_later, session
         self.held: Any = None
-        """The next of those that were sent, until what was fetched before it has been read."""
+        """The next sent sample, held until the fetched samples before it have been read."""
         self._waiting: deque[Any] = deque()
         self._sent: deque[Any] = deque(maxlen=RECENT)
         self._fetched: deque[Any] = deque(maxlen=RECENT)
@@ -96,16 +96,16 @@ class LatchedPast:
         self._watch: Any = None
 
     def follow(self, key: str, notify: Callable[[], None]) -> None:
-        """Fetch the last sample of each publisher of ``key``, now and whenever one appears; after its subscription.
+        """Fetch the last sample of each publisher of ``key``, now and whenever one appears; call after subscribing.
 
-        ``notify`` is called after each, not in the thread that receives.
+        ``notify`` is called after each sample, not in the receiving thread.
         """
         self._notify = notify
         watch = Callback(self._on_token, indirect=False)
         self._watch = self._session.liveliness().declare_subscriber(f"{key}/{_KEPT}/**", watch, history=True)
 
     def next(self, take: Callable[[], Any | None]) -> Any | None:
-        """The next new sample: the older one of what was fetched and what was sent, which ``take`` gives in turn."""
+        """Return the next new sample, the older of the fetched ones and the sent ones, which ``take`` returns."""
         while self.held is None and (sent := take()) is not None:
             if self._is_new(sent):
                 self.held = sent
@@ -115,9 +115,9 @@ class LatchedPast:
         return sent
 
     def _pop(self) -> Any | None:
-        """The next new fetched sample that is no younger than what is held.
+        """Return the next new fetched sample that is not newer than the held one.
 
-        A token may be reported twice, and its publisher asked twice.
+        A token may be reported twice, and its publisher queried twice.
         """
         before = None if self.held is None else self.held.timestamp
         while self._waiting:
@@ -134,20 +134,20 @@ class LatchedPast:
         return None
 
     def _is_new(self, sample: Any) -> bool:
-        """Whether a sample that was sent has not been fetched before."""
+        """Return whether a sent sample has not been fetched before."""
         if sample.timestamp is None:
             return True
         self._sent.append(identity := _identity(sample))
         return identity not in self._fetched
 
     def close(self) -> None:
-        """Fetch no more."""
+        """Stop fetching."""
         self._tokens.clear()
         if self._watch is not None:
             self._watch.undeclare()
 
     def _on_token(self, change: Any) -> None:
-        """Called by Zenoh in the thread that receives, which must not send."""
+        """Process a publisher's token; called by Zenoh in the receiving thread, which must not send."""
         token = str(change.key_expr)
         if change.kind == zenoh.SampleKind.PUT:
             self._tokens.add(token)
@@ -156,7 +156,7 @@ class LatchedPast:
             self._tokens.discard(token)
 
     def _ask(self, token: str, before: int = 0) -> None:
-        """Ask the publisher of a token, from which nothing came ``before`` so many times."""
+        """Query the publisher of a token, after ``before`` queries without any reply."""
         if token not in self._tokens:
             return
         late, answered = False, 0
@@ -183,39 +183,40 @@ class LatchedPast:
             timeout=ASK_S,
             accept_replies=zenoh.ReplyKeyExpr.ANY,
             consolidation=zenoh.ConsolidationMode.NONE,
-            congestion_control=zenoh.CongestionControl.BLOCK,  # the answer's is the question's
+            congestion_control=zenoh.CongestionControl.BLOCK,  # a reply has that of its query
         )
 
 
 def _identity(sample: Any) -> tuple[Any, int, int]:
-    """What the copies of a sample have in common; Python's hashes of bytes have a secret of each process in them."""
+    """Return what identifies a sample's copies; Python salts hashes of bytes per process, so they cannot be forged."""
     beside = sample.attachment
     return sample.timestamp, hash(sample.payload.to_bytes()), hash(b"" if beside is None else beside.to_bytes())
 
 
 class Latching:
-    """The latched topics of a session; its thread starts with the first."""
+    """The latched topics of a session; its thread starts with the first topic."""
 
     def __init__(self, session: Any) -> None:
         self._session = session
         self._numbers, self._orders = count(), count()
         self._work: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._later: list[tuple[float, int, Callable[[], None]]] = []
-        """What is to be called, by its time; the thread's own."""
+        """A heap of delayed calls by their time; used by the thread only."""
         self._thread: threading.Thread | None = None
 
     def publisher(self, publisher: Any) -> LatchedPublisher:
-        """Let a publication keep its last sample."""
+        """Wrap a publication so that it keeps its last sample."""
         self._start()
         return LatchedPublisher(publisher, self._session, next(self._numbers), self._work.put, self._run_later)
 
     def past(self) -> LatchedPast:
-        """The past of a new subscription."""
+        """Return the fetched samples for a new subscription."""
         self._start()
         return LatchedPast(self._session, self._work.put, self._run_later)
 
     def close(self, seconds: float) -> None:
-        """End the thread, and wait for that ``seconds`` at most; after the session, so that no question holds it."""
+        """End the thread and wait at most ``seconds`` for it; call after closing the session, so that no query
+        blocks."""
         self._work.put(None)
         if self._thread is not None:
             self._thread.join(seconds)
@@ -235,7 +236,7 @@ class Latching:
                 work()
 
     def _next(self) -> Callable[[], None] | None:
-        """Wait for what is to be called next; None at the end."""
+        """Wait for the next call; returns None at the end."""
         try:
             return self._work.get(timeout=max(0.0, self._later[0][0] - monotonic()) if self._later else None)
         except Empty:

@@ -1,4 +1,4 @@
-"""The transport in memory, for tests of loops without processes, under the same conformance suite as Zenoh."""
+"""The in-memory transport, for tests of loops without processes; it passes the same conformance suite as Zenoh's."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from services.runtime.transport.request_queue import Refusals, RequestQueue
 
 
 def matches(pattern: str, key: str) -> bool:
-    """Whether ``key`` matches an expression with ``*`` and ``**`` chunks, which match no chunk with a leading @."""
+    """Return whether ``key`` matches an expression with ``*`` and ``**``, which match no chunk with a leading @."""
     return pattern == key or ("*" in pattern and _matches_chunks(pattern, key))
 
 
@@ -48,7 +48,7 @@ class MemoryBus:
         self.watches: list[MemoryTokenWatch] = []
         self.numbers = itertools.count(1)
         self.readers_version = 0
-        """Grows with each subscription that begins or ends."""
+        """Incremented by each subscription that begins or ends."""
 
     def set_token(self, key: str, alive: bool) -> None:
         """Notify the watches that a token appeared or disappeared."""
@@ -128,7 +128,7 @@ class MemoryPublisher:
 
 
 class MemoryQuery:
-    """A request and the place for its answer."""
+    """A request and its reply, once it has one."""
 
     def __init__(
         self,
@@ -158,7 +158,7 @@ class MemoryQuery:
 
 
 class MemoryPendingReplies:
-    """A question to some servers; None without an answer when the time is up."""
+    """A query to several servers; TIMEOUT stands for a missing reply."""
 
     def __init__(self, asked: list[MemoryQuery], timeout: float) -> None:
         self._asked, self._deadline = asked, time.monotonic() + timeout
@@ -241,7 +241,7 @@ class MemoryTransport:
 
     @property
     def readers_version(self) -> int:
-        """Grows with each subscription of the bus that begins or ends."""
+        """Incremented by each subscription of the bus that begins or ends."""
         return self.bus.readers_version
 
     def __enter__(self) -> Self:
@@ -320,7 +320,7 @@ class MemoryTransport:
         return watch
 
     def subscribed(self) -> set[str]:
-        """All subscriptions on the bus."""
+        """Return the keys of all subscriptions on the bus."""
         with self._bus.changed:
             return {each.pattern for each in self._bus.subscribers}
 
@@ -333,7 +333,7 @@ class MemoryTransport:
             self._waiting, self._woken = None, False
 
     def wait_idle(self, timeout: float) -> bool:
-        """From another thread: block until the loop waits and has nothing to do; False after ``timeout`` [s]."""
+        """Block until the loop waits with nothing to do; False after ``timeout`` [s]. Called from another thread."""
         with self._bus.changed:
             return self._bus.changed.wait_for(
                 lambda: self._waiting is not None and not self._waiting.samples and not self._woken, timeout

@@ -10,24 +10,24 @@ from messages.base import encode, saturating_add
 from messages.requests import MAX_REQUEST_BYTES, Refusal
 
 MAX_WAITING = 1024
-"""Requests that wait at one server: what a simulation of 300 robots announces at once, three times over."""
+"""Maximum requests waiting at one server: three times the number that a simulation of 300 robots sends at once."""
 MAX_BYTES = 4 << 20
-"""Bytes of these together."""
+"""Maximum bytes of all requests waiting at one server."""
 MAX_REASON_LENGTH = 1 << 14
-"""Characters of a reason; it travels, and is shown."""
+"""Maximum characters of a reason, which is sent and displayed."""
 
 T = TypeVar("T")
 
 
 class Refusals:
-    """The requests of a node that got an error for their answer: how many, and why the last of them did."""
+    """The requests of a node answered with an error: their count, and the reason of the last one."""
 
     def __init__(self) -> None:
         self.count, self.reason = 0, ""
         self._lock = threading.Lock()
 
     def add(self, reason: str) -> bytes:
-        """Count one, and give the error reply for it."""
+        """Count a refusal, and return its error reply."""
         sound = reason[:MAX_REASON_LENGTH].encode(errors="replace").decode()
         with self._lock:
             self.count = saturating_add(self.count, 1)
@@ -52,7 +52,7 @@ class RequestQueue(Generic[T]):
         self._lock = threading.Lock()
 
     def offer(self, item: T, size: int) -> bytes | None:
-        """Keep a request of ``size`` bytes, or give the refusal for it."""
+        """Queue a request of ``size`` bytes; returns None, or the error reply if it is refused."""
         if size > self._largest:
             return self._refusals.add(f"a request of {size} bytes, the limit is {self._largest}")
         with self._lock:
@@ -66,7 +66,7 @@ class RequestQueue(Generic[T]):
         )
 
     def pop(self) -> T | None:
-        """The oldest one, or None."""
+        """Return the oldest request, or None."""
         if not self.items:
             return None
         with self._lock:

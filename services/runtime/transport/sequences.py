@@ -1,4 +1,4 @@
-"""Judges samples by their sequence numbers: which are new, lost, repeated or forged; and counts refused ones."""
+"""Classifies samples by their sequence numbers as new, lost, repeated or forged, and counts refused ones."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from messages.elea import InputHealth
 from services.runtime.transport.wire import SampleInfo
 
 MAX_PUBLISHERS = 4096
-"""Publishers that one reader remembers; beyond that, the one silent longest is forgotten."""
+"""Maximum publishers that one subscriber remembers; beyond that, one that has been silent for long is forgotten."""
 MAX_GAP = 1 << 20
-"""Samples that may be missing before the next one; a number further ahead is refused."""
+"""Maximum missing samples before a new one; a number further ahead is refused."""
 AHEAD_NS = 100_000_000
-"""A source time further ahead of this machine's clock than this is not believed where another one is."""
+"""Source times more than this [ns] ahead of this machine's clock are not trusted over others."""
 RESYNC_S = 0.1
-"""Wall time for which numbers must grow beside those expected until they are followed; below every time-out."""
+"""Wall time [s] for which unexpected numbers must grow until they are accepted; below every timeout."""
 
 
 class Verdict(Enum):
@@ -29,21 +29,21 @@ class Verdict(Enum):
 
 
 class SequenceTracker:
-    """Judges the numbers of a reader's publishers.
+    """Tracks the sequence numbers of a subscriber's publishers.
 
-    Numbers grow by one from sample to sample. Any program on the network can send a sample in the name of a publisher,
-    so a number alone must not silence the true publisher:
+    Numbers grow by one from sample to sample. Any program on the network can send a sample under a publisher's id, so a
+    number alone must not block the true publisher:
 
-    - A number counts only once the payload was accepted: the caller judges, and then calls ``accept``.
+    - A number is recorded only once the payload was accepted: the caller calls ``judge``, and then ``accept``.
     - A number more than MAX_GAP ahead is refused.
     - A number that does not grow is a repetition (a second path, a latched value sent again), unless its source time
-      is later than that of the last sample accepted: then it is new, and its number is followed from here on. A last
-      source time ahead of this machine's clock by more than AHEAD_NS does not count against one that is not.
+      is later than that of the last accepted sample: then it is new, and numbers continue from it. A last source time
+      more than AHEAD_NS ahead of this machine's clock does not make a plausible one older.
     - Where source times do not help (machines with different clocks), numbers that grow for RESYNC_S, while the
-      expected ones do not arrive, are followed, as in RFC 3550, A.1.
+      expected ones do not arrive, are accepted, as in RFC 3550, A.1.
 
-    So after a forged sample the next true one counts where clocks agree, and one within RESYNC_S or after the next
-    period, whichever is longer, where they do not. ``last`` is the number last accepted from each publisher.
+    So after a forged sample, the next true one is accepted if clocks agree, and otherwise one within RESYNC_S or after
+    the next period, whichever is longer. ``last`` is the last accepted number of each publisher.
     """
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class SequenceTracker:
         self._rivals: dict[bytes, tuple[int, float, int]] = {}
 
     def judge(self, origin: SampleInfo) -> Verdict:
-        """The verdict on a sample by its number and source time; nothing is recorded yet."""
+        """Return the verdict on a sample by its number and source time, without recording them."""
         sequence, stamp, _, publisher = origin
         last = self.last.get(publisher)
         if last is None or sequence == last + 1:
@@ -78,10 +78,10 @@ class SequenceTracker:
         self.stamps[publisher] = origin.source_ns
 
     def pass_over(self, publisher: bytes, sequence: int) -> None:
-        """Record the number of a sample whose payload was refused, so that it is neither lost as well nor waited for:
-        the next one of its publisher, or its first.
+        """Record the number of a refused sample, the next one or the first of its publisher, so that it is neither also
+        lost nor waited for.
 
-        Its source time is not recorded, so that a forged sample does not prevent the true one of the same number.
+        Its source time is not recorded, so that a forged sample does not block the true one of the same number.
         """
         if publisher not in self.last:
             if len(self.last) >= MAX_PUBLISHERS:
@@ -95,7 +95,7 @@ class SequenceTracker:
         self.stamps[publisher] = time_ns()
 
     def _persists(self, publisher: bytes, sequence: int, last: int) -> bool:
-        """Whether numbers beside the expected ones have grown for RESYNC_S, while no expected one was accepted."""
+        """Return whether unexpected numbers have grown for RESYNC_S while no expected one was accepted."""
         now = monotonic()
         before, since, beside = self._rivals.get(publisher, (0, now, -1))
         if beside != last or not before < sequence <= before + MAX_GAP:
@@ -107,9 +107,9 @@ class SequenceTracker:
         return False
 
     def _forget_one(self) -> None:
-        """Forget a publisher that has been silent for long, found without a time for each sample.
+        """Forget a publisher that has been silent for long, found without a time stamp for each sample.
 
-        From the oldest on, each whose number has changed since the last look gets a second chance.
+        From the oldest on, each publisher whose number has changed since the last check gets a second chance.
         """
         for publisher in list(self.last):
             number = self.last.pop(publisher)
@@ -126,13 +126,13 @@ class SequenceTracker:
 
 
 _REASON = 200
-"""Characters of a reason that are kept."""
+"""Maximum characters of a reason."""
 
 
 class RefusalCounter:
-    """Counts the refused samples of a key without a subscriber: of lockstep's messages, and of the clock that paces.
+    """Counts the refused samples of a key without a Subscriber: lockstep's messages, and the clock of a pacer.
 
-    The node's health lists it under ``name`` once something was refused.
+    The node's health lists it under ``name`` once a sample was refused.
     """
 
     lost = repeated = resynced = foreign = 0
@@ -148,5 +148,5 @@ class RefusalCounter:
         self.reason = "".join(each if each.isprintable() else "?" for each in reason[:_REASON])
 
     def health(self) -> InputHealth:
-        """The counts, as they are shown."""
+        """Return the counts for the node's health."""
         return InputHealth(topic=self.name, received=self.received, refused=self.refused, reason=self.reason)

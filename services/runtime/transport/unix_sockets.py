@@ -1,7 +1,7 @@
-"""Unix sockets on which the nodes of one machine meet: where they lie, and that no other user can reach them.
+"""Unix sockets that connect the nodes of one machine: their paths, and the protection from other users.
 
-The sockets of a fleet lie in a folder of mode 0700 that belongs to the user, named after the fleet's port. The folder
-is the border: the kernel lets no other user (but root) connect to a socket in it (path_resolution(7)).
+The sockets of a fleet are in a folder of mode 0700 owned by the user, named after the fleet's port. The folder protects
+them: the kernel lets no other user (except root) connect to a socket in it (path_resolution(7)).
 """
 
 from __future__ import annotations
@@ -19,22 +19,21 @@ from services.runtime.errors import BadInput
 from services.runtime.user_folders import socket_suffix
 
 PROTOCOL = "unixsock-stream"
-"""Zenoh's name of a link over a Unix socket."""
+"""Zenoh's protocol name for Unix sockets."""
 ROUTER = "router.sock"
 MAX_PATH_LENGTH = 107
-"""Bytes of a socket's path: sun_path has 108 with the closing zero (unix(7))."""
+"""Maximum bytes of a socket's path: sun_path has 108 with the terminating zero (unix(7))."""
 _NODE = len("/0123456789.sock")
-"""Bytes that the name of a node's own socket takes below the folder; no name in it is longer."""
+"""Bytes of the name of a node's own socket in the folder, with the slash; no name in it is longer."""
 _YOUNG_S = 2.0
-"""Wall time after which a process that has made the file of its lock holds it."""
+"""Wall time [s] within which a process that has created its lock file holds the lock."""
 
 
 def socket_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder of the sockets of all fleets of this user.
+    """Return the folder of the sockets of all fleets of this user.
 
-    It is ``elea`` in XDG_RUNTIME_DIR (XDG base directory specification), if that belongs to this user, which under
-    ``sudo`` it may not. Otherwise it is ``elea-UID`` in the temporary folder. A home that is not the
-    account's adds a suffix of its own.
+    It is ``elea`` in XDG_RUNTIME_DIR (XDG base directory specification) if that belongs to this user, which it may not
+    under ``sudo``. Otherwise it is ``elea-UID`` in the temporary folder. A home other than the account's adds a suffix.
     """
     suffix = socket_suffix(environment)
     given = Path(environment.get("XDG_RUNTIME_DIR", ""))
@@ -43,38 +42,38 @@ def socket_folder(environment: Mapping[str, str] = os.environ) -> Path:
             return given / f"elea{suffix}"
     except OSError:
         pass
-    import tempfile  # here, as it takes a while and is seldom needed
+    import tempfile  # here, since it is slow and rarely needed
 
     return Path(tempfile.gettempdir()) / f"elea-{os.geteuid()}{suffix}"
 
 
 def router_endpoint(port: int, environment: Mapping[str, str] = os.environ) -> str:
-    """The endpoint of the router of the fleet with this port, which only names it: no TCP port is opened."""
+    """Return the endpoint of the router of the fleet with this port, which is only a name: no TCP port is opened."""
     return router_in(socket_folder(environment) / str(port))
 
 
 def router_in(folder: Path) -> str:
-    """The endpoint of a router with its sockets in ``folder``, which only the user can enter."""
+    """Return the endpoint of a router with its sockets in ``folder``, which only the user can enter."""
     return f"{PROTOCOL}/{folder / ROUTER}"
 
 
 def node_endpoint(router: str) -> str:
-    """The endpoint of a node that joins the endpoint ``router``: in the same folder, under its own name."""
+    """Return an endpoint for a node that connects to ``router``: a unique name in the same folder."""
     return f"{PROTOCOL}/{path_of(router).parent / os.urandom(5).hex()}.sock"
 
 
 def is_unix(endpoint: str) -> bool:
-    """Whether an endpoint is a Unix socket."""
+    """Return whether an endpoint is a Unix socket."""
     return endpoint.startswith(f"{PROTOCOL}/")
 
 
 def path_of(endpoint: str) -> Path:
-    """The socket behind an endpoint that ``is_unix``."""
+    """Return the path of a Unix socket's endpoint."""
     return Path(endpoint.partition("/")[2])
 
 
 def check_path(text: str) -> None:
-    """Raise BadInput for a path where no socket can be, or which Zenoh would take apart."""
+    """Raise BadInput for a path that cannot be a socket, or that Zenoh would split."""
     path = Path(text)
     if not path.is_absolute() or path.name in ("", "..") or any(each in text for each in "?#;"):
         raise BadInput(f"{text!r} is not the path of a socket: write {PROTOCOL}//absolute/path/router.sock")
@@ -87,7 +86,7 @@ def check_path(text: str) -> None:
 
 
 def make_private(folder: Path) -> None:
-    """Check that a folder of sockets is this user's alone, after making it if it is one below ``socket_folder``.
+    """Check that only this user can access a folder of sockets; if it is in ``socket_folder``, create it first.
 
     Raises BadInput.
     """
@@ -118,9 +117,9 @@ def is_listening(endpoint: str, patience: float = 2.0) -> None:
 
 
 def remove_stale(folder: Path) -> None:
-    """Remove the sockets that killed processes left in a fleet's folder, and the folder itself once it is empty.
+    """Remove the sockets left by killed processes in a fleet's folder, and the folder itself if it is then empty.
 
-    Files that cannot be removed stay; they do no harm.
+    Files that cannot be removed stay; they are harmless.
     """
     with suppress(OSError):
         for lock in folder.glob("*.sock.lock"):
@@ -131,9 +130,9 @@ def remove_stale(folder: Path) -> None:
 
 
 def _held(lock: Path) -> bool:
-    """Whether a process listens on the socket of this lock file, or may be about to.
+    """Return whether a process listens on the socket of this lock file, or may be about to.
 
-    Zenoh locks it for as long as it listens; the kernel releases the lock with the process.
+    Zenoh holds the lock for as long as it listens; the kernel releases it when the process ends.
     """
     try:
         with lock.open("rb") as file:

@@ -36,11 +36,11 @@ from services.runtime.transport.request_queue import Refusals, RequestQueue
 WAKE = zenoh.Encoding("elea/nudge")
 """Marks a sample that only wakes the loop."""
 _RELEASE_S = 1.0
-"""Wall time [s] within which a thread that is woken has left its wait for a sample."""
+"""Wall time [s] within which a woken thread must have left its wait for a sample."""
 
 
 class ZenohSubscriber:
-    """A subscription on a ring: the publisher is never blocked by a reader that is slow."""
+    """A subscription with a ring: a slow subscriber never blocks the publisher."""
 
     def __init__(self, key: str, subscriber: Any, session: str, past: LatchedPast | None = None) -> None:
         self.wake_key = key.replace("**", session).replace("*", session)
@@ -53,7 +53,7 @@ class ZenohSubscriber:
         return None if sample is None else _unpack(sample)
 
     def _pop(self) -> Any | None:
-        """The next sample that was sent."""
+        """Return the next sent sample, without wake-ups."""
         sample, self.held = self.held, None
         while sample is not None or (sample := self.subscriber.try_recv()) is not None:
             if sample.attachment is not None or sample.encoding != WAKE:
@@ -83,7 +83,7 @@ class ZenohNotifyingSubscriber:
         self._notify = notify
 
     def on_sample(self, sample: Any) -> None:
-        """Called by Zenoh, in its own thread."""
+        """Queue a sample and notify; called by Zenoh in its own thread."""
         self._samples.append(sample)
         self._notify()
 
@@ -107,9 +107,9 @@ class ZenohNotifyingSubscriber:
 
 
 class ZenohThreadedSubscriber(ZenohSubscriber):
-    """A subscription on a ring, on whose channel a thread waits: no Python runs in the network's threads for it.
+    """A subscription with a ring, on whose channel a thread waits: no Python runs in the network's threads for it.
 
-    A callback that hands samples over costs a round trip a quarter more, and its process 1.4 times the processor time.
+    A callback that passes samples on makes a round trip a quarter longer, and takes 1.4 times the processor time.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class ZenohThreadedSubscriber(ZenohSubscriber):
     def _pop(self) -> Any | None:
         try:
             return super()._pop()
-        except zenoh.ZError:  # the session has closed, as ``wait`` says next
+        except zenoh.ZError:  # the session has closed, as ``wait`` will report
             return None
 
     def wait(self) -> bool:
@@ -133,7 +133,7 @@ class ZenohThreadedSubscriber(ZenohSubscriber):
         return True
 
     def close(self) -> None:
-        """Wake the thread until it has left ``recv``, which borrows the subscriber, and end the subscription."""
+        """Wake the thread until it has left ``recv``, which borrows the subscriber, then end the subscription."""
         if self._past is not None:
             self._past.close()
         deadline = time.monotonic() + _RELEASE_S
@@ -148,7 +148,7 @@ class ZenohThreadedSubscriber(ZenohSubscriber):
             time.sleep(_RELEASE_S / 1000)
 
     def wake(self) -> None:
-        with suppress(zenoh.ZError):  # the session has closed, and with it ended the wait
+        with suppress(zenoh.ZError):  # the session has closed, which ended the wait
             self._put(self.wake_key, b"", encoding=WAKE, allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
 
@@ -163,8 +163,8 @@ def _encoding_of(sample: Any) -> str:
 
 
 class ZenohPublisher:
-    """A publication. A listener tracks whether it has subscribers: asking takes 8 us. ``changed`` is called after each
-    change, in a thread of Zenoh."""
+    """A publication. A listener tracks whether it has subscribers, since a query takes 8 us. ``changed`` is called
+    after each change, in a thread of Zenoh."""
 
     def __init__(self, publisher: Any, changed: Callable[[], None]) -> None:
         self._publisher, self._changed = publisher, changed
@@ -185,7 +185,7 @@ class ZenohPublisher:
 
 
 class ZenohQuery:
-    """A request; it counts as finished once it is answered."""
+    """A request; Zenoh finishes it once it is answered."""
 
     def __init__(self, query: Any) -> None:
         self._query = query
@@ -203,7 +203,7 @@ class ZenohQuery:
 
 
 class ZenohServer:
-    """The queries on one key. Those without room are refused in the receiving thread: the loop never sees them."""
+    """The queries on one key. Those that do not fit are refused in the receiving thread: the loop never sees them."""
 
     def __init__(self, backlog: RequestQueue[Any], wake: Callable[[], None]) -> None:
         self.handle: Any = None
@@ -211,7 +211,7 @@ class ZenohServer:
         self._backlog, self._wake = backlog, wake
 
     def on_query(self, query: Any) -> None:
-        """Called by Zenoh, in its own thread."""
+        """Queue or refuse a query; called by Zenoh in its own thread."""
         payload, beside = query.payload, query.attachment
         size = len(str(query.parameters)) + sum(len(part) for part in (payload, beside) if part is not None)
         if (refusal := self._backlog.offer(query, size)) is None:
@@ -257,21 +257,21 @@ class ZenohTokenWatch:
 
 
 class LivelinessCache:
-    """A cache of the tokens that are visible to a peer, kept from the start of its session.
+    """A cache of the tokens visible to a peer, kept from the start of its session.
 
-    A query of a peer gets the answer of whichever process is first: with nine peers, 4 of 324 tokens in 37 of 40 tries.
-    A subscription is complete within 0.4 s of its opening. News wait in a channel for ``update``: a call for each of
-    the thousands of a large fleet would hold up the thread that receives whenever another one computes.
+    A peer's query returns the answer of whichever process is first: with nine peers, 4 of 324 tokens in 37 of 40 tries.
+    A subscription is complete within 0.4 s after it is opened. Changes wait in a channel for ``update``: a callback for
+    each of the thousands of a large fleet would block the receiving thread whenever another thread computes.
     """
 
     def __init__(self) -> None:
         self.news: Any = None
         self._alive: dict[str, set[str]] = {}
-        """By the chunk of a token that has its kind."""
+        """The tokens of each kind (the third chunk)."""
         self._lock = threading.Lock()
 
     def update(self) -> None:
-        """Take in the news."""
+        """Apply the changes received since the last call."""
         if self.news is None:
             return
         with self._lock:
@@ -281,7 +281,7 @@ class LivelinessCache:
                 (alive.add if sample.kind == zenoh.SampleKind.PUT else alive.discard)(key)
 
     def matching(self, pattern: str) -> set[str]:
-        """The visible tokens of a pattern."""
+        """Return the visible tokens that match a pattern."""
         self.update()
         wanted, kind = zenoh.KeyExpr(pattern), _kind(pattern)
         with self._lock:
@@ -290,13 +290,13 @@ class LivelinessCache:
 
 
 def _kind(token: str) -> str:
-    """The third chunk of a token or a pattern, or nothing."""
+    """Return the third chunk of a token or a pattern, or an empty text."""
     chunks = token.split("/", 3)
     return chunks[2] if len(chunks) > 2 and "**" not in chunks[:2] else ""
 
 
 class ZenohPendingReplies:
-    """A question under way; Zenoh closes its channel after the last answer, or when the time is up."""
+    """A pending query; Zenoh closes its channel after the last reply or at the timeout."""
 
     def __init__(self, replies: Any) -> None:
         self._replies = replies
@@ -316,7 +316,7 @@ class ZenohPendingReplies:
 
 
 class ZenohNotifyingReplies:
-    """The same, collected in a thread of Zenoh, which then calls ``notify``."""
+    """A pending query whose replies are collected in a thread of Zenoh, which calls ``notify`` at the end."""
 
     def __init__(self, notify: Callable[[], None]) -> None:
         self._answers: list[Reply] = []
@@ -324,11 +324,11 @@ class ZenohNotifyingReplies:
         self._notify = notify
 
     def on_reply(self, reply: Any) -> None:
-        """Called by Zenoh, in its own thread."""
+        """Add a reply; called by Zenoh in its own thread."""
         self._answers += answers(reply)
 
     def on_end(self) -> None:
-        """Called by Zenoh, in its own thread, after the last."""
+        """Notify that all replies have arrived; called by Zenoh in its own thread."""
         self._complete = True
         self._notify()
 
@@ -344,9 +344,9 @@ def _of_servers(replies: Iterable[Reply]) -> list[Reply]:
 
 
 def answers(reply: Any) -> list[Reply]:
-    """Convert a reply of Zenoh; None if it is neither a result nor an error.
+    """Convert a reply of Zenoh; returns an empty list if it is neither a result nor an error.
 
-    A timeout is no server's answer, though Zenoh may report it under the client's own session.
+    A timeout is not a server's reply, though Zenoh may report it under the client's own session.
     """
     session = "" if reply.replier_id is None else str(reply.replier_id.zid)
     if reply.ok is not None:
@@ -367,25 +367,25 @@ class ZenohToken:
         self._token.undeclare()
 
 
-# One thread receives (by default one wakes another for each message), another sends while that one waits for room. In a
-# client, what else there is has a third: it ends questions that nobody answered in time, and waits for room to do so.
-# In the receiving thread, this held up a simulation, its router that had 100 nodes to tell it of, and so the whole
-# fleet. A peer does without: ``lab`` is a tenth slower with it. A router keeps to the defaults: it forwards messages,
-# and lost large ones under load with one thread.
+# One thread receives (by default one wakes another for each message), another sends while that one waits for space. A
+# client has a third for everything else: it ends queries that were not answered in time, and waits for space to do so.
+# In the receiving thread, this blocked a simulation, its router that had 100 nodes to announce to it, and so the whole
+# fleet. A peer has no third: ``lab`` is a tenth slower with it. A router keeps the defaults: it forwards messages, and
+# lost large ones under load with one thread.
 _THREADS = {
     "peer": "(rx: (worker_threads: 1), net: (handover: rx), acc: (handover: rx))",
     "client": "(rx: (worker_threads: 1), net: (worker_threads: 1), acc: (handover: net))",
 }
 
 _OPENING = threading.Lock()
-"""Held while a session opens: the environment belongs to all threads."""
+"""Held while a session opens: all threads share the environment."""
 
 CLOSE_S = 1.5
-"""Maximum wall time [s] of leaving the network. On a dead link Zenoh needs 10 s: its sockets wait as long (SO_LINGER)
-for the other side's acknowledgement. A process that ends does not wait; its tokens disappear all the same."""
+"""Maximum wall time [s] of leaving the network. On a dead link Zenoh needs 10 s: its sockets wait that long (SO_LINGER)
+for the other side's acknowledgement. An ending process does not wait; its tokens disappear all the same."""
 
 _MOST_TOKENS = 1 << 20
-"""Answers that a question for tokens can hold; a fleet of twelve processes has 400."""
+"""Maximum replies to a query for tokens; a fleet of twelve processes has 400."""
 
 _EVERYBODY: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
 """Zenoh queries all servers of a key in any case; by default it returns one of their answers and hides the others."""
@@ -396,13 +396,13 @@ _QUALITIES: dict[Quality, dict[str, Any]] = {
     Quality.COMMAND: {"congestion_control": _DROP, "priority": zenoh.Priority.REAL_TIME, "express": True},
     Quality.EVENT: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
     Quality.LATCHED: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
-    # Not express: what waits for the sending thread gathers in one packet, and is not one packet too many.
+    # Not express: messages that wait for the sending thread share one packet.
     Quality.VITAL: {"congestion_control": _DROP, "priority": zenoh.Priority.INTERACTIVE_HIGH},
 }
 
 
 class ZenohTransport:
-    """One Zenoh session. A small thread nudges the loop; with latched topics, another asks and answers."""
+    """One Zenoh session. A small thread wakes the loop; with latched topics, another queries and answers."""
 
     def __init__(self, configuration: dict[str, Any], settle_s: float = 0.7) -> None:
         self._configuration, self.settle_s = configuration, settle_s
@@ -425,7 +425,7 @@ class ZenohTransport:
         self.session = str(self._zenoh.zid())
         self._latching = Latching(self._zenoh)
         self._census = LivelinessCache()
-        if self._configuration["mode"] != "client":  # the router answers a client, and whole
+        if self._configuration["mode"] != "client":  # a client gets complete answers, from the router
             news: Any = FifoChannel(_MOST_TOKENS)
             self._census.news = self._zenoh.liveliness().declare_subscriber(f"{ADMIN_SPACE}/**", news, history=True)
         self._ticker = threading.Thread(target=self._run_ticker, name="ticker", daemon=True)
@@ -505,12 +505,12 @@ class ZenohTransport:
         return found
 
     def _ask_for_tokens(self, pattern: str, timeout: float) -> tuple[list[str], bool]:
-        """The tokens that are known in time, and whether they are all."""
-        # With Zenoh's own FIFO, 256 deep, a get that more tokens answer than fit never returns.
+        """Return the tokens known within ``timeout`` [s], and whether they are complete."""
+        # With Zenoh's default FIFO of 256, a get with more replies than fit never returns.
         replies = [*self._zenoh.liveliness().get(pattern, FifoChannel(_MOST_TOKENS), timeout=timeout)]
         found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         late = any(reply.err is not None and reply.err.payload.to_bytes() == TIMEOUT for reply in replies)
-        # A client whose router has gone quiet is answered at once, with nothing.
+        # A client without a link to its router gets an empty answer at once.
         unlinked = self._configuration["mode"] == "client" and not self._zenoh.info.routers_zid()
         return sorted(found | self._census.matching(pattern)), not (late or unlinked)
 
@@ -541,13 +541,13 @@ class ZenohTransport:
         if self.open:
             self.open = False
             self._awake.set()
-            self._ticker.join()  # a sample into a session that closes fails, and the thread with it
-            with suppress(zenoh.ZError):  # the link was gone already
+            self._ticker.join()  # a put into a closing session fails, and the thread with it
+            with suppress(zenoh.ZError):  # the link was closed already
                 run_with_timeout(self._close_session, CLOSE_S)
             self._latching.close(CLOSE_S)
 
     def _count_readers_change(self) -> None:
-        # Each number is given once, whichever of Zenoh's threads is the last to write its own.
+        # Each number is used once, whichever of Zenoh's threads writes last.
         self.readers_version = next(self._readers_versions)
 
     def _open(self) -> None:
@@ -558,7 +558,7 @@ class ZenohTransport:
         self._zenoh.close()  # type: ignore[no-untyped-call]
 
     def _run_ticker(self) -> None:
-        """Wake the loop when asked and ten times a second, by a sample that stays in this session."""
+        """Wake the loop on request and ten times a second, by a sample that stays in this session."""
         while self.open:
             asked = self._awake.wait(TICKER_S)
             self._awake.clear()
@@ -571,8 +571,8 @@ class ZenohTransport:
 
 
 def run_with_timeout(work: Callable[[], None], seconds: float | None = None) -> None:
-    """Run a blocking call of Zenoh in a thread and wait for it, ``seconds`` at most. So signals are handled
-    meanwhile: Zenoh's calls let none through until they return. Raises the ZError of ``work``.
+    """Run a blocking call of Zenoh in a thread and wait for it, ``seconds`` at most. So signals are handled meanwhile:
+    Zenoh's calls block them until they return. Raises the ZError of ``work``.
     """
     errors: list[zenoh.ZError] = []
 
@@ -591,7 +591,7 @@ def run_with_timeout(work: Callable[[], None], seconds: float | None = None) -> 
 
 @contextmanager
 def limit_threads(mode: str = "peer") -> Iterator[None]:
-    """Let Zenoh start with a mode's threads, unless the user's environment states them; children do not inherit it."""
+    """Make Zenoh start with the threads of a mode, unless the environment sets them; children do not inherit this."""
     with _OPENING:
         ours = mode in _THREADS and "ZENOH_RUNTIME" not in os.environ
         if ours:

@@ -1,4 +1,4 @@
-"""The one function that writes Zenoh's configuration; every key in it was measured to matter."""
+"""Zenoh's configuration, in one function; every key in it was measured to matter."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from services.runtime.errors import BadInput
 from services.runtime.transport import unix_sockets
 
 PORT = 7447
-"""Default port of a fleet, and Zenoh's own default. It names the folder of the fleet's Unix sockets, and is the TCP
-port of a fleet that also listens on TCP."""
+"""Default port of a fleet, which is Zenoh's own default. It names the folder of the fleet's Unix sockets, and is the
+TCP port of a fleet that also listens on TCP."""
 
 Role = Literal["router", "direct", "star"]
-"""A router; a peer that talks straight to its fellows; a client that goes through the router."""
+"""A router; a peer with direct links to other peers; a client that goes through the router."""
 
 OPEN_MS = 500
 """Maximum wall time [ms] of opening a peer. It ends earlier when the router, and all peers that it knows, are linked
 and have sent their declarations. A router would always wait that long, for nothing."""
 
 RELIABLE_S = 30
-"""Wall time [s] that lockstep keeps a link whose other side is silent or takes nothing. The end of a process closes its
-links at once, and a supervisor ends one that hangs."""
+"""Wall time [s] that lockstep keeps a link whose other side is silent or receives nothing. The end of a process closes
+its links at once, and a supervisor ends a hung one."""
 
 LARGEST_MESSAGE = 8 << 20
-"""Bytes; a larger message is dropped by the receiving link before it is put together."""
+"""Maximum bytes of a message; a larger one is dropped by the receiving link before it is reassembled."""
 
 _QUEUES = ("control", "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background")
-"""One for each priority; declarations are in the first."""
+"""The queue of each priority; declarations use the first."""
 _BATCHED = {
     "id": "batched",
     "messages": ["put"],
@@ -36,9 +36,9 @@ _BATCHED = {
     "overwrite": {"express": False},
     "flows": ["egress"],
 }
-"""A router forwards messages in batches, also commands. One by one, sixteen filled its queue: beside twelve
-busy processes a client lost 65 of 105,600 samples, all of them commands; in batches, 0 of 59,400. Through a router a
-message of its own is no faster: 429 us there and back, in batches 409."""
+"""A router forwards all messages in batches, including commands. One by one, sixteen filled its queue: beside twelve
+busy processes, a client lost 65 of 105,600 samples, all of them commands; in batches, 0 of 59,400. Through a router, a
+separate message is no faster: a round trip takes 429 us, in batches 409 us."""
 
 
 _UNFIT = {
@@ -47,16 +47,16 @@ _UNFIT = {
     "ws": "it is as open as tcp, and slower",
     "udp": "it loses messages",
 }
-"""Protocols of Zenoh that are refused, and why."""
+"""Refused protocols of Zenoh, with the reason."""
 
 
 def default_router() -> str:
-    """The default endpoint of a node's router."""
+    """Return the default endpoint of a node's router."""
     return unix_sockets.router_endpoint(PORT)
 
 
 def endpoint(text: str) -> str:
-    """Check an endpoint, ``unixsock-stream/PATH`` or ``tcp/HOST:PORT``; a bare ``HOST:PORT`` is taken as tcp.
+    """Check and return an endpoint, ``unixsock-stream/PATH`` or ``tcp/HOST:PORT``; a bare ``HOST:PORT`` means tcp.
 
     Raises BadInput.
     """
@@ -74,7 +74,7 @@ def endpoint(text: str) -> str:
 
 
 def is_local(checked: str) -> bool:
-    """Whether an endpoint, as ``endpoint`` gives it, is out of reach for other machines."""
+    """Return whether an endpoint checked by ``endpoint`` is unreachable for other machines."""
     if unix_sockets.is_unix(checked):
         return True
     host = checked.partition("/")[2].rpartition(":")[0].strip("[]")
@@ -85,9 +85,9 @@ def is_local(checked: str) -> bool:
 
 
 def check_listen(endpoints: Iterable[str], insecure: bool, allow: str = "--insecure") -> tuple[str, ...]:
-    """The checked endpoints; raises BadInput for one that other machines can reach, unless that is allowed.
+    """Check and return endpoints; raises BadInput for one that other machines can reach, unless ``insecure``.
 
-    ``allow`` is the option that allows it, for errors.
+    ``allow`` is the option that allows it, for the error text.
     """
     checked = tuple(endpoint(each) for each in endpoints)
     if not insecure:
@@ -111,28 +111,28 @@ def configuration(
     reliable: bool = False,
     first: bool = False,
 ) -> dict[str, Any]:
-    """The configuration of one session, as the tree that Zenoh reads as JSON5.
+    """Return the configuration of one session, as the tree that Zenoh reads as JSON5.
 
-    This machine by default: a peer listens on a Unix socket beside its router's, or on 127.0.0.1 where the router is
-    reached by TCP; nothing is multicast. Gossip makes peers of one router find each other. Leases of 2 s on both sides
-    (RELIABLE_S in lockstep), because each side waits for the lease that the *other* announces; retries after 0.1 to
-    0.5 s, because the default of 4 s leaves a fleet dumb after its router returns. Shared memory is off: a receiver
-    keeps 17 MB for each sender that restarts. ``first``: the supervisor, which starts before the router and does not
-    wait for links.
+    It is limited to this machine by default: a peer listens on a Unix socket beside its router's, or on 127.0.0.1 if
+    the router is reached by TCP; multicast is off. Gossip makes peers of one router find each other. Leases are 2 s on
+    both sides (RELIABLE_S in lockstep), because each side waits for the lease that the *other* announces; retries
+    follow after 0.1 to 0.5 s, because the default of 4 s leaves a fleet without links after its router returns. Shared
+    memory is off: a receiver keeps 17 MB for each sender that restarts. ``first``: the supervisor, which starts before
+    the router and does not wait for links.
 
-    ``reliable`` (lockstep) keeps the link to a process that stands still for RELIABLE_S, and waits up to 2 s for room
-    before it drops, in the router as well; simulation time waits with it. A link between peers that was given up comes
-    back only when one of them finds the router anew. Of 12,000 samples to a client that stood still for 0.8 s, a router
-    that waits 10 ms lost 2,700, this one none.
+    ``reliable`` (lockstep) keeps the link to a stopped process for RELIABLE_S, and waits up to 2 s for space before it
+    drops a message, in the router as well; simulation time waits meanwhile. A closed link between peers is restored
+    only when one of them finds the router again. Of 12,000 samples to a client stopped for 0.8 s, a router that waits
+    10 ms lost 2,700, this one none.
 
-    Commands, each a packet of its own, queue in 16 batches for each link in place of 2, made when they are needed: in
-    real time, beside 40 processes that start others on two cores, ``lab`` lost 1 to 7 messages in most runs of 20 s,
-    and none in 13 with 16; memory is the same. The same holds for all messages in a router: of a lockstep fleet at full
-    speed, its clients lost 27 of 49,500 samples; and of what nodes declare, because a router that waits for room there
-    holds its tables, and a new link that waits for these may have stopped the one thread that tells it of room: beside
-    twelve busy processes, 100 robots in ten stood still for 20 s in 9 of 11 starts. On the wall clock a router's full
-    queue has 10 ms to move in place of 1, as its sender may not have had a processor. A stuck client costs this once:
-    Zenoh then drops what is for it without waiting, until it takes something again.
+    Commands, each a packet of its own, queue in 16 batches per link instead of 2, allocated on demand: in real time,
+    beside 40 processes that start others on two cores, ``lab`` lost 1 to 7 messages in most runs of 20 s, and none in
+    13 runs with 16; memory use is the same. A router has 16 for all messages (otherwise, in a lockstep fleet at full
+    speed, its clients lost 27 of 49,500 samples) and for declarations: a router that waits for space there locks its
+    tables, and a new link that waits for these may block the only thread that reports free space: beside twelve busy
+    processes, 100 robots in ten processes stood still for 20 s in 9 of 11 starts. On the wall clock, a router's full
+    queue has 10 ms to move instead of 1, as its sender may not have had a processor. A stuck client costs this once:
+    Zenoh then drops its messages without waiting, until it receives again.
     """
     connects = tuple(endpoint(each) for each in connect)
     listens = tuple(endpoint(each) for each in listen) or (_socket_beside(connects) if role == "direct" else ())
@@ -180,7 +180,7 @@ def configuration(
 
 
 def _socket_beside(routers: tuple[str, ...]) -> tuple[str, ...]:
-    """The endpoints of a peer of these routers: one reached by TCP may have peers that no Unix socket reaches."""
+    """Return the endpoints of a peer of these routers; with one reached by TCP also a TCP endpoint, for its peers."""
     unix = [each for each in routers if unix_sockets.is_unix(each)][:1]
     tcp = ("tcp/127.0.0.1:0",) if len(unix) < len(routers) or not routers else ()
     return (*map(unix_sockets.node_endpoint, unix), *tcp)
