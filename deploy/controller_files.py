@@ -38,7 +38,7 @@ def with_file_found(member: ServiceConfig, folder: Path) -> ServiceConfig:
 
 
 def manager_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
-    """The parameters that a controller manager gets from its robot."""
+    """Return the parameters that a controller manager gets from its robot."""
     return {"robot": robot.name} if kind == KIND and robot is not None else {}
 
 

@@ -57,7 +57,7 @@ def find_interface(name: str) -> type[Message] | Request[Any, Any]:
 
 
 def summary(record: type[Message]) -> str:
-    """The docstring of a record."""
+    """Return the docstring of a record."""
     return inspect.getdoc(record) or ""
 
 

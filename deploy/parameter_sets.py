@@ -92,7 +92,7 @@ def check_changes(fleet: Fleet, source: TomlSource) -> None:
 
 
 def _script_nodes(fleet: Fleet) -> list[str]:
-    """The nodes of ROS scripts, each of which may serve dynamic_reconfigure."""
+    """Return the nodes of ROS scripts, each of which may serve dynamic_reconfigure."""
     return [service_identity(member, owner).node for _, member, owner in all_services(fleet) if is_script(member.kind)]
 
 

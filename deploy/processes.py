@@ -144,7 +144,7 @@ def _place_services(fleet: Fleet) -> list[PlacedService]:
 
 
 def _is_lockstep_member(kind: str) -> bool:
-    """Whether lockstep waits for services of this kind at each tick."""
+    """Return whether lockstep waits for services of this kind at each tick."""
     return load_service(kind).steps
 
 

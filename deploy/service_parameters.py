@@ -118,7 +118,7 @@ def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
 
 
 def _own_services(fleet: Fleet, robot: RobotConfig) -> tuple[ServiceConfig, ...]:
-    """The services in the namespace of a robot."""
+    """Return the services in the namespace of a robot."""
     return (*robot.services, *(each for _, each in fleet.shared_services(robot)))
 
 

@@ -129,15 +129,15 @@ class HeartbeatSubscriber:
             self._outputs[beat.node] |= {each.topic: each for each in beat.outputs}
 
     def inputs(self, node: str) -> dict[str, InputHealth]:
-        """The health of a node's subscriptions, by topic."""
+        """Return the health of a node's subscriptions, by topic."""
         return self._inputs.get(node, {})
 
     def outputs(self, node: str) -> dict[str, OutputHealth]:
-        """The health of a node's publications, by topic."""
+        """Return the health of a node's publications, by topic."""
         return self._outputs.get(node, {})
 
     def is_complete(self, node: str) -> bool:
-        """Whether a node has reported all its topics."""
+        """Return whether a node has reported all its topics."""
         beat = self.latest.get(node)
         if beat is not None and len(beat.inputs) >= beat.reads and len(beat.outputs) >= beat.writes:
             return True
