@@ -17,7 +17,7 @@ from services.runtime.errors import BadInput, unknown_name
 
 SIZE_INCHES, DPI = (7.2, 4.5), 150
 MAX_LINES = 12
-"""Maximum number of lines; of more combinations only the first are drawn, and the title says so."""
+"""Maximum number of lines; of more combinations only the first are drawn, as the title states."""
 
 
 class Line(NamedTuple):

@@ -110,7 +110,7 @@ class ScriptKernel:
         self._network: Network | None = None
         self._loop: NodeLoop | None = None
         self._ended: NodeLoop | None = None
-        """The loop that has ended: its token of lockstep goes with the network, behind its last report."""
+        """The loop that has ended: its lockstep token is removed with the network, after its last report."""
         self._stepping: SteppingNode | None = None
         self._hooks: list[Callable[[], None]] = []
         self._warned: set[str] = set()
