@@ -1,4 +1,4 @@
-"""The import contracts hold on this tree, and each of them is broken by what it is there to forbid."""
+"""The import contracts hold on this tree, and a violation planted for each of them is found."""
 
 from __future__ import annotations
 
