@@ -1,7 +1,7 @@
-"""Starts fleets, watches and grades them, and looks into them from the command line."""
+"""Starts, supervises and grades fleets, and inspects them from the command line."""
 
 VERSION = "0.1.0"
 """The version of this project; pyproject.toml states it for installers."""
 
 INTERRUPTED = 130
-"""Exit status of what was interrupted before its own end, as shells use it."""
+"""Exit status of a run or command that was interrupted before its end, as in shells."""

@@ -19,6 +19,6 @@ except SystemExit as ended:
     if "zenoh" in sys.modules:
         from services.runtime.process import exit_now
 
-        # A thread of Zenoh may be on its way into Python: were the interpreter taken down beneath it, it would abort.
+        # A Zenoh thread may be about to enter Python: tearing down the interpreter under it would abort the process.
         exit_now(ended.code if isinstance(ended.code, int) else 1)
     raise

@@ -1,4 +1,4 @@
-"""A bag in other forms: CSV tables, a recording for the viewer, or a repaired rosbag2 folder."""
+"""Exports bags: CSV tables, a recording for the viewer, or a repaired rosbag2 folder."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from services.bag.writer import BagWriter
 from services.runtime.errors import BadInput, unknown_name
 
 _MARGIN = 0.5
-"""Metres around the robots' ways that the first picture shows."""
+"""Margin [m] around the robots' paths in the first picture."""
 
 
 class BagRobots(NamedTuple):
-    """Namespace and model of each robot, and the ground (x, y of a corner, then of the opposite one) [m]."""
+    """Namespace and model of each robot, and opposite corners (x, y, x, y) of the ground area [m]."""
 
     robots: list[tuple[str, str]]
     extent: tuple[float, float, float, float]
 
 
 def find_robots(bag: Bag) -> BagRobots:
-    """The robots that were simulated, by their descriptions; those whose meshes are gone are left out."""
+    """Return the simulated robots, identified by their descriptions; those whose meshes are gone are left out."""
     descriptions: dict[str, str] = {}
     simulated: set[str] = set()
     low, high = [math.inf, math.inf], [-math.inf, -math.inf]
@@ -47,7 +47,7 @@ def find_robots(bag: Bag) -> BagRobots:
         except WrongPayload:
             continue
         if isinstance(message, String):
-            # Beside a description whose links were prefixed for viewers there is the text as it was.
+            # Next to a description whose links were prefixed for viewers, the original text is recorded.
             if is_sidecar(entry.channel) or namespace not in descriptions:
                 descriptions[namespace] = message.data
         elif isinstance(message, Odometry):
@@ -63,7 +63,7 @@ def find_robots(bag: Bag) -> BagRobots:
 
 
 def _model_of(description: str) -> str | None:
-    """The model that a bag describes, None for one that cannot be read any more."""
+    """Return the model that a bag describes, None if it can no longer be read."""
     for name in MODELS:
         if urdf_path(name).read_text(encoding="utf-8") == description:
             return name
@@ -74,17 +74,17 @@ def _model_of(description: str) -> str | None:
 
 
 def _rank(robot: tuple[str, str]) -> tuple[bool, str]:
-    """Arms come last: they leave no trail, and need no distinct colour."""
+    """Sort key that puts arms last: they leave no trail and need no distinct colour."""
     namespace, model = robot
     return not read_model(model).has_base, namespace
 
 
 TURTLES_EXTENT = (0.0, 0.0, 11.1, 11.1)
-"""m; the plane of turtlesim."""
+"""The plane of turtlesim [m]."""
 
 
 class ExportResult(NamedTuple):
-    """The result of an export, and what is missing from it."""
+    """The result of an export, and what it lacks."""
 
     output: Path
     text: str
@@ -106,7 +106,9 @@ def export_bag(path: Path, form: str, output: str = "", topics: tuple[str, ...] 
 
 
 def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
-    """As the logger would have recorded it; a bag without robots of ours as the viewer itself reads it."""
+    """Export a recording as the logger would have written it; a bag without simulated robots as the viewer reads it
+    itself.
+    """
     from services.logger.rebuild import RecordingBuilder
     from services.logger.viewer import convert_bag
 
@@ -147,7 +149,7 @@ def _export_csv(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
 
 
 def _export_rosbag2(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
-    """Every message that can be read, in a folder that ROS 2's tools open."""
+    """Export every readable message to a folder that ROS 2's tools open."""
     with BagWriter(output) as folder:
         try:
             for entry in bag.entries():
@@ -162,7 +164,9 @@ def _export_rosbag2(bag: Bag, output: Path, names: frozenset[str]) -> ExportResu
 
 
 def _select_topics(bag: Bag, topics: tuple[str, ...]) -> frozenset[str]:
-    """The topics to export; raises BadInput for one that is not in the bag, and for a bag without messages."""
+    """Return the topics to export; raises BadInput for a topic that is not in the bag, and for a
+    bag without messages.
+    """
     known = {channel.name for channel in bag.channels() if not is_sidecar(channel)}
     if not known:
         raise BadInput("; ".join([f"{bag.path} holds no messages", *bag.problems]))

@@ -1,4 +1,4 @@
-"""Which services of a fleet share a process: the containers that the key ``share`` asks for."""
+"""Assigns a fleet's services to processes: the containers that the key ``share`` asks for."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from services.runtime.errors import BadInput
 
 
 class PlacedService(msgspec.Struct, frozen=True):
-    """A service of a fleet, and the robot that it belongs to."""
+    """A service of a fleet, and its robot."""
 
     service: ServiceConfig
     robot: RobotConfig | None
@@ -33,19 +33,19 @@ class PlacedService(msgspec.Struct, frozen=True):
 
     @property
     def required(self) -> bool:
-        """Whether the fleet ends with it."""
+        """Whether the fleet ends with this service."""
         return self.service.required if self.service.required is not None else self.service.kind in BUILTIN_SERVICES
 
 
 class ProcessGroup(NamedTuple):
-    """Services of one process; the one of a single service has no name of its own."""
+    """The services of one process; that of a single service has no name of its own."""
 
     name: str
     members: tuple[PlacedService, ...]
 
 
 class _Share(NamedTuple):
-    """What services have in common that share processes: ``prefix`` names these, each of at most ``limit`` nodes."""
+    """Key of services that share processes: ``prefix`` names the processes, each with at most ``limit`` nodes."""
 
     prefix: str
     kind: str = ""
@@ -53,9 +53,9 @@ class _Share(NamedTuple):
 
 
 def group_services(placed: Sequence[PlacedService], fleet: Fleet) -> list[ProcessGroup]:
-    """The processes of a fleet's services, in the order of their first ones. One that would share with none is alone.
+    """Group services into processes, ordered by their first services; a service with none to share with is alone.
 
-    Services that need more processes than one are spread over them evenly, in their order.
+    Services that need several processes are distributed over them evenly, in order.
     """
     shares = [_share_of(each, fleet) for each in placed]
     members: dict[_Share, list[PlacedService]] = {}
@@ -107,7 +107,7 @@ def check_sharing(fleet: Fleet, source: TomlSource) -> None:
 
 
 def reason_alone(kind: str) -> str:
-    """Why services of a kind need a process of their own; empty if they can share one."""
+    """Return why services of a kind need a process of their own; empty if they can share one."""
     if kind in BUILTIN_SERVICES:
         return "every fleet has one, which all others need"
     if is_script(kind):
@@ -116,7 +116,7 @@ def reason_alone(kind: str) -> str:
 
 
 def service_rate(placed: PlacedService) -> float | None:
-    """The rate of a service's ticks [Hz] as far as its fleet file says, None for one without ticks."""
+    """Return the tick rate of a service [Hz] as stated in the fleet file or by its kind, None if it has no ticks."""
     service = placed.service
     if service.kind == CONTROLLER_MANAGER:
         return manager_rate(service, placed.robot)
@@ -126,7 +126,10 @@ def service_rate(placed: PlacedService) -> float | None:
 
 
 def _share_of(placed: PlacedService, fleet: Fleet) -> _Share | None:
-    """A number groups services by their kind; that of the run all others that can share and tick at one rate."""
+    """Return the sharing key of a service, None if it is alone.
+
+    A number groups services by their kind; the run's ``share`` groups all others that can share and have the same rate.
+    """
     service = placed.service
     match service.share:
         case str() as name:
@@ -140,7 +143,7 @@ def _share_of(placed: PlacedService, fleet: Fleet) -> _Share | None:
 
 
 def _spread(members: Sequence[PlacedService], limit: int | None) -> Iterator[Sequence[PlacedService]]:
-    """The members in as few parts as ``limit`` allows, of equal length but for one."""
+    """Split the members into as few parts as ``limit`` allows, with lengths that differ by at most one."""
     parts = 1 if limit is None else -(-len(members) // limit)
     ends = [len(members) * number // parts for number in range(parts + 1)]
     for begin, end in pairwise(ends):

@@ -1,4 +1,6 @@
-"""The files of controllers that a fleet names: found beside the fleet file, and checked against the robot's joints."""
+"""Controller files named by a fleet: resolved against the fleet file's folder, and checked against
+the robot's joints.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,11 @@ KIND = "controller_manager"
 
 
 FILE_PARAMETERS = {KIND: "config", "map_server": "map"}
-"""By kind of service, the parameter that is the path of a file."""
+"""The parameter that is a file path, by kind of service."""
 
 
 def with_file_found(member: ServiceConfig, folder: Path) -> ServiceConfig:
-    """A service with its file, if its kind has one, counted from the ``folder`` of the fleet file."""
+    """Resolve the service's file, if its kind has one, relative to ``folder``, that of the fleet file."""
     name = FILE_PARAMETERS.get(member.kind, "")
     path = member.parameters.get(name)
     if not isinstance(path, str) or not path or (member.kind == KIND and is_text(path)):
@@ -36,22 +38,26 @@ def with_file_found(member: ServiceConfig, folder: Path) -> ServiceConfig:
 
 
 def manager_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
-    """The parameters that a controller manager gets from its robot."""
+    """Return the parameters that a controller manager gets from its robot."""
     return {"robot": robot.name} if kind == KIND and robot is not None else {}
 
 
 def joint_state_rate(members: Iterable[ServiceConfig], robot: RobotConfig) -> float:
-    """The rate [Hz] of joint states that a controller manager among the services of a robot asks for; 0 for none."""
+    """Return the highest rate [Hz] of joint states that a robot's controller managers ask for; 0 without any."""
     return max((_read(each, robot).joint_state_rate for each in members if each.kind == KIND), default=0.0)
 
 
 def manager_rate(member: ServiceConfig, robot: RobotConfig | None) -> float:
-    """The control rate [Hz] of a controller manager, before lockstep makes its period a number of physics steps."""
+    """Return the control rate [Hz] of a controller manager, before lockstep rounds its period to
+    whole physics steps.
+    """
     return float(member.parameters.get("update_rate", 0) or _read(member, robot).update_rate)
 
 
 def gain_values(member: ServiceConfig, owner: RobotConfig | None) -> dict[str, PidParameters]:
-    """The sets of gains that a controller manager announces, with the values of its file; none of another service."""
+    """Return the gain sets that a controller manager announces, with the values of its file; empty
+    for other services.
+    """
     if member.kind != KIND:
         return {}
     namespace = _namespace(member, owner)
@@ -73,7 +79,7 @@ def _read(member: ServiceConfig, owner: RobotConfig | None) -> ManagerConfig:
 def check_controllers(
     member: ServiceConfig, path: tuple[TomlKey, ...], owner: RobotConfig | None, source: TomlSource
 ) -> None:
-    """Read the file of a controller manager; raises BadInput with the lines of both files."""
+    """Check the file of a controller manager; raises BadInput with the lines of both files."""
     if member.kind != KIND:
         return
     here = source.location(*path)

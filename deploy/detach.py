@@ -1,4 +1,4 @@
-"""A fleet in the background: start its supervisor away from the terminal and wait until all is ready."""
+"""Runs a fleet in the background: starts its supervisor detached from the terminal and waits until all is ready."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from services.runtime.process import ROOT
 
 _POLL_PERIOD_S = 0.02
 _FREE_SPACE_POLLS = 100
-"""Turns between two checks that the fleet's state can be written."""
+"""Polls between two checks that the fleet's state can be written."""
 _STOP_TIMEOUT_S = 60.0
 
 
 def _open_private(path: str, flags: int) -> int:
-    """The log holds the address of the panel's page, token and all."""
+    """Open a file only this user can read: the log holds the address of the panel's page, including its token."""
     return os.open(path, flags, 0o600)
 
 
 def start_detached(fleet: str, report: str, as_json: bool, runs: str = "", argv: list[str] | None = None) -> int:
-    """Run this command line again without ``--detach``; the exit status, once all is ready or the run is over."""
+    """Run this command line again without ``--detach``; return the exit status once all is ready or the run is over."""
     arguments = [each for each in (argv if argv is not None else sys.argv[1:]) if each not in ("--detach", "--json")]
     folder = make_run_folder(fleet, report, runs)
     command = [sys.executable, "-P", "-m", "deploy", *arguments, "--report", str(folder)]
@@ -65,7 +65,7 @@ def start_detached(fleet: str, report: str, as_json: bool, runs: str = "", argv:
 
 
 def _check_free_space(folder: Path, supervisor: subprocess.Popen[bytes]) -> None:
-    """End the supervisor and raise EleaError if the disk is full: the state of its fleet would stay unknown."""
+    """Stop the supervisor and raise EleaError if the disk is full: its fleet's state would stay unknown."""
     try:
         check_free_space(folder)
     except OSError as error:
@@ -80,7 +80,7 @@ def _check_free_space(folder: Path, supervisor: subprocess.Popen[bytes]) -> None
 
 
 def _describe_silent_exit(status: int, folder: Path) -> str:
-    """The error text for a supervisor that ended without any output."""
+    """Return the error text for a supervisor that ended without any output."""
     how = f"the supervisor {describe_exit(status).replace('exit', 'ended with exit')} and has written nothing"
     try:
         check_free_space(folder)

@@ -1,4 +1,4 @@
-"""A fleet file: robots, services and settings of a run, as typed records; fleets/README.md documents every key."""
+"""The fleet file as typed records: robots, services and settings of a run; fleets/README.md documents every key."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ REMOVED_MODES = {
 EndCondition = Literal["goals", "duration", "never"]
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 FleetName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\Z", max_length=64)]
-"""Names folders and files: of the results, of the saved parameters."""
+"""A name used for folders and files: of the results, and of the saved parameters."""
 
 
 GroupName = Annotated[str, Meta(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\Z", max_length=64)]
-"""Names a process that several services share."""
+"""The name of a process that several services share."""
 
 
 class FleetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -38,7 +38,7 @@ class FleetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class StartPose(FleetTable, frozen=True, kw_only=True):
-    """The start pose of a robot in the world: m, m, m, rad. A robot from outside stands on the ground at least."""
+    """The start pose of a robot in the world: m, m, m, rad. An imported robot is raised to stand on the ground."""
 
     x: Coordinate = 0.0
     y: Coordinate = 0.0
@@ -49,11 +49,10 @@ class StartPose(FleetTable, frozen=True, kw_only=True):
 class RunConfig(FleetTable, frozen=True, kw_only=True):
     """The run: time mode, physics engine, duration and network.
 
-    ``engine`` is PyBullet where it is installed, if None.
-    ``port`` distinguishes the fleets of a user. With ``tcp`` the router also listens on 127.0.0.1 at this port, for
-    every user of the machine. With ``share``, services that can share a process do, as many as that in each.
-    ``packages`` are folders in which the ``package://`` of robots and the
-    ``model://`` of worlds are searched.
+    ``engine``: PyBullet if None and installed. ``port`` distinguishes the fleets of a user. With ``tcp`` the router
+    also listens on 127.0.0.1 at this port, for every user of the machine. With ``share``, services that can share a
+    process do, at most this many in each. ``packages`` are folders in which ``package://`` of robots and ``model://``
+    of worlds are searched.
     """
 
     mode: Mode = "lockstep"
@@ -71,16 +70,15 @@ class RunConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class ServiceConfig(FleetTable, frozen=True, kw_only=True):
-    """One service; its name is its kind and its namespace that of its robot unless stated.
+    """One service; by default its name is its kind, and its namespace that of its robot.
 
-    ``from_start`` names parameters that hold points [x, y] counted from the robot's start: they are shifted to it;
-    ``from_robot`` those that get the ``goals`` of the robot.
-    ``models`` limits one of every robot to robots of these models, by ``models.display_name``.
-    ``args``, ``environment``, ``cwd`` and ``frame_prefix`` are those of a ROS script: what stands behind its file's
-    name, variables of its process, its working directory, by default the run's folder, and what the frames of its robot
-    begin with, as ``tb3_0/``. With the ``output`` screen, what a service
-    prints is shown as well as logged. With ``share``, services share processes: those of their kind, as many as the
-    number says in each, or all of that name.
+    ``from_start`` names parameters that hold points [x, y] relative to the robot's start, which are shifted to it;
+    ``from_robot`` names those that get the ``goals`` of the robot. ``models`` limits a service of every robot to robots
+    of these models, by ``models.display_name``. ``args``, ``environment``, ``cwd`` and ``frame_prefix`` are for ROS
+    scripts: the arguments after the file's name, environment variables, the working directory (by default the run's
+    folder), and the prefix of its robot's frames, e.g. ``tb3_0/``. With ``output`` "screen", the service's output is
+    shown as well as logged. ``share`` makes services share processes: as a number, those of their kind, at most this
+    many in each; as a name, all with that name.
     """
 
     kind: str
@@ -102,8 +100,10 @@ class ServiceConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class ReferenceConfig(FleetTable, frozen=True, kw_only=True):
-    """The set-point that a program gives an arm: its ``topic``, from the robot's namespace, the topic's type, its unit,
-    and the joint that it is for, by default the arm's first with a range.
+    """The set-point that a program publishes for an arm.
+
+    Its ``topic``, relative to the robot's namespace, the topic's type and unit, and the joint, by default the arm's
+    first with a range.
     """
 
     topic: str
@@ -115,12 +115,11 @@ class ReferenceConfig(FleetTable, frozen=True, kw_only=True):
 class RobotConfig(FleetTable, frozen=True, kw_only=True):
     """One robot, the parameters of its base or joints, and the services in its namespace.
 
-    ``model`` is a name of ``models/`` or, in the file, a path; once the file is read, that is the robot's
-    ``models.robot_source.RobotSource.model``. ``xacro_args`` are the arguments of a xacro.
-    ``namespace`` is its name when empty, the root when ``/``; ``frame_prefix`` its name and a slash when None.
-    ``joints`` are positions [rad or m] to start from, 0 where none is stated.
-    ``goals`` are points [m] in the world, for those of its services that ask for them.
-    ``reference`` is by what an arm is measured that no controller of ours moves.
+    ``model`` is a name of ``models/`` or, in the file, a path; once the file is read, it is the robot's
+    ``models.robot_source.RobotSource.model``. ``xacro_args`` are the arguments of a xacro. ``namespace`` defaults to
+    the robot's name; ``/`` is the root. ``frame_prefix`` defaults to the name and a slash. ``joints`` are start
+    positions [rad or m], 0 by default. ``goals`` are points [m] in the world, for services that ask for them.
+    ``reference`` is the set-point by which an arm is graded that no controller of the fleet moves.
     """
 
     name: str
@@ -140,11 +139,11 @@ GoalRule = Literal["none", "shuffle", "mirror", "rotate"]
 
 
 class GridConfig(FleetTable, frozen=True, kw_only=True):
-    """Equal robots ``name_0``, ``name_1``, … in a grid around ``pose``, each with that heading.
+    """Identical robots ``name_0``, ``name_1``, … in a grid around ``pose``, each with its heading.
 
-    Without ``columns`` the grid is the smallest square. ``goals`` is the rule by which each gets a place to drive to:
-    that of another one, drawn by ``seed`` (shuffle), or its own one on the other side of the grid's middle across x
-    (mirror) or of its centre (rotate).
+    Without ``columns`` the grid is the smallest square. ``goals`` is the rule by which each robot gets a goal: the
+    place of another robot, drawn by ``seed`` (shuffle), or its own place mirrored in x (mirror) or rotated by
+    180 degrees (rotate) about the grid's centre.
     """
 
     robots: Annotated[int, Meta(ge=1, le=1000)]
@@ -161,7 +160,7 @@ class GridConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class ChangeConfig(FleetTable, frozen=True, kw_only=True):
-    """Parameters of one set that change during a run, for this run alone, at a simulation time."""
+    """A scheduled change of parameters of one set at a simulation time, for this run only."""
 
     at: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})]
     set: str
@@ -169,15 +168,15 @@ class ChangeConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class Fleet(FleetTable, frozen=True, kw_only=True):
-    """A fleet. ``world`` is a name of models/worlds, or the path of a file; by default it is empty.
+    """A fleet.
 
-    ``every_robot`` are services that each robot gets beside its own. ``grid`` is empty once the file is read: its
-    robots are behind those of ``robot``.
+    ``world`` is a name of models/worlds, or the path of a file; an empty world by default. ``every_robot`` are services
+    that each robot gets besides its own. ``grid`` is empty once the file is read: its robots follow those of ``robot``.
 
-    ``rosparam`` is the tree of ROS 1's parameters at the start, as ``rosparam load`` reads one.
+    ``rosparam`` is the initial tree of ROS 1 parameters, in the form of ``rosparam load``.
 
-    ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file. ``folder`` is that of the
-    file, from which its paths count.
+    ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file. ``folder`` is the file's
+    folder, to which its paths are relative.
     """
 
     name: FleetName
@@ -195,11 +194,11 @@ class Fleet(FleetTable, frozen=True, kw_only=True):
     folder: str = ""
 
     def active_bounds(self) -> Bounds:
-        """The bounds of a run in the fleet's mode: those of the mode win over those of all."""
+        """Return the bounds of a run in the fleet's mode; those of the mode override the general ones."""
         return {**self.bounds, **self.mode_bounds.get(self.run.mode, {})}
 
     def shared_services(self, robot: RobotConfig) -> tuple[tuple[int, ServiceConfig], ...]:
-        """Those of ``every_robot`` that a robot gets, each with its index in the file."""
+        """Return the services of ``every_robot`` that a robot gets, each with its index in the file."""
         return tuple(
             (index, each)
             for index, each in enumerate(self.every_robot)

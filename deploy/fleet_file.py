@@ -45,11 +45,11 @@ from services.sim import SimParameters
 FLEETS = Path(__file__).resolve().parent / "fleets"
 
 RENAMED_FLEETS = {"square_seed": "square_tutorial", "arm_seed": "arm_tutorial"}
-"""Old names of fleets of the project."""
+"""Former names of fleets of the project."""
 
 _BY_MODE = "mode_bounds"
 _NO_KEYS = (_BY_MODE, "folder")
-"""Fields of ``Fleet`` that no file states by their names."""
+"""Fields of ``Fleet`` that are not keys of a file."""
 _TABLE_TYPES: dict[str, type[msgspec.Struct]] = {
     "": Fleet,
     "run": RunConfig,
@@ -63,16 +63,16 @@ _TABLE_TYPES: dict[str, type[msgspec.Struct]] = {
     "change": ChangeConfig,
     "bounds": Bound,
 }
-"""The record behind each table, by its last name."""
+"""The record of each table, by the last part of the table's name."""
 
 
 def fleet_names() -> tuple[str, ...]:
-    """The fleets that come with the project."""
+    """Return the names of the fleets that come with the project."""
     return tuple(sorted(each.stem for each in FLEETS.glob("*.toml")))
 
 
 def find_fleet(name: str) -> Path:
-    """The file of a fleet: ``name`` is one of ``fleet_names``, or the path of a TOML file; raises BadInput."""
+    """Return the file of a fleet; ``name`` is one of ``fleet_names`` or the path of a TOML file. Raises BadInput."""
     if name in fleet_names():
         return FLEETS / f"{name}.toml"
     path = Path(name)
@@ -91,7 +91,7 @@ def find_fleet(name: str) -> Path:
 
 
 def saved_parameters_file(fleet: str) -> Path:
-    """Return the file of a fleet's saved parameters: the one under its old name if there is only that."""
+    """Return the file of a fleet's saved parameters; that of its former name if only that exists."""
     file = parameters_folder() / f"{fleet}.db"
     if not file.exists():
         for old, new in RENAMED_FLEETS.items():
@@ -101,10 +101,10 @@ def saved_parameters_file(fleet: str) -> Path:
 
 
 def read_fleet(path: Path, overrides: Sequence[str] = (), robots: int | None = None) -> Fleet:
-    """The fleet in a file, checked as far as it can be without starting anything; raises BadInput.
+    """Read a fleet file and check it as far as possible without starting anything; raises BadInput.
 
-    ``overrides`` are assignments that change keys of the file, as ``model=waffle``; ``robots`` changes the number of
-    robots of its grid.
+    ``overrides`` are assignments to keys of the file, e.g. ``model=waffle``; ``robots`` sets the number of robots of
+    its grid.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -114,7 +114,7 @@ def read_fleet(path: Path, overrides: Sequence[str] = (), robots: int | None = N
 
 
 def parse_fleet(path: Path, text: str, overrides: Sequence[str] = (), robots: int | None = None) -> Fleet:
-    """The fleet in ``text``; ``path`` is named in errors. Raises BadInput."""
+    """Parse and check the fleet in ``text``; ``path`` is named in errors. Raises BadInput."""
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -142,7 +142,7 @@ def parse_fleet(path: Path, text: str, overrides: Sequence[str] = (), robots: in
 
 
 def _check_mode(tree: dict[str, Any], source: TomlSource) -> None:
-    """Raise BadInput for a mode that there was once."""
+    """Raise BadInput for a removed mode."""
     run = tree.get("run")
     mode = run.get("mode") if isinstance(run, dict) else None
     if isinstance(mode, str) and mode in REMOVED_MODES:
@@ -150,7 +150,7 @@ def _check_mode(tree: dict[str, Any], source: TomlSource) -> None:
 
 
 def _split_bounds(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
-    """The bounds for one mode, as ``[bounds.real]``, apart from those beside them, as the record has them."""
+    """Move the bounds of single modes, e.g. ``[bounds.real]``, out of the general ones, as ``Fleet`` has them."""
     bounds = tree.get("bounds")
     if not isinstance(bounds, dict):
         return tree
@@ -163,8 +163,9 @@ def _split_bounds(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
 
 
 def _place_in_world(tree: dict[str, Any], source: TomlSource, folder: Path) -> dict[str, Any]:
-    """The content with the fleet's world read, its path counted from ``folder``, and with its start for each robot that
-    has ``pose = "world"``; raises BadInput."""
+    """Return the content with the path of its world resolved relative to ``folder``, and with the world's start as pose
+    of each robot with ``pose = "world"``; raises BadInput.
+    """
     name, where, of_sim = tree.get("world", SimParameters().world), source.location("world"), None
     services, robots = tree.get("service", []), tree.get("robot")
     for index, each in enumerate(services if isinstance(services, list) else ()):
@@ -173,7 +174,7 @@ def _place_in_world(tree: dict[str, Any], source: TomlSource, folder: Path) -> d
             name, of_sim = of_each["world"], index
             where = source.location("service", index, "parameters", "world")
     if not isinstance(name, str):
-        return tree  # the record refuses it
+        return tree  # msgspec rejects it
     try:
         name = str(find_world(name, folder)) if is_world_file(name) else name
         start = read_world(name, packages=_packages(tree, folder)).start
@@ -196,7 +197,7 @@ def _place_in_world(tree: dict[str, Any], source: TomlSource, folder: Path) -> d
 
 
 def _packages(tree: dict[str, Any], folder: Path) -> tuple[Path, ...]:
-    """The folders of packages that a fleet file states, as far as it states them right."""
+    """Return the package folders stated in a fleet file, without malformed entries."""
     run = tree.get("run")
     stated = run.get("packages") if isinstance(run, dict) else None
     return tuple(
@@ -207,9 +208,9 @@ def _packages(tree: dict[str, Any], folder: Path) -> tuple[Path, ...]:
 
 
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
-    """The fleet with the files that it names found: services in Python, and those of controllers.
+    """Resolve the files that the fleet names: Python services and controller files.
 
-    A relative path counts from the fleet file's folder.
+    A relative path is relative to the fleet file's folder.
     """
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
@@ -229,7 +230,7 @@ def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
 
 
 def _resolve_robots(fleet: Fleet, source: TomlSource) -> Fleet:
-    """The fleet with the files of its robots made, and the folders of packages found; raises BadInput."""
+    """Import the fleet's robot files, and resolve its package folders; raises BadInput."""
     folder = Path(fleet.folder)
     packages = tuple((folder / os.path.expanduser(each)).resolve() for each in fleet.run.packages)
     for given, found in zip(fleet.run.packages, packages, strict=True):
@@ -246,7 +247,7 @@ def _resolve_robots(fleet: Fleet, source: TomlSource) -> Fleet:
 
 
 def _locate_error(source: TomlSource, tree: dict[str, Any], error: str) -> BadInput:
-    """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
+    """Return msgspec's error with the line of its path, and the alternatives if a key is unknown."""
     text, _, where = error.partition(" - at `$")
     path = key_path(where.rstrip("`"))
     if path[:1] == (_BY_MODE,):
@@ -268,7 +269,7 @@ def _locate_error(source: TomlSource, tree: dict[str, Any], error: str) -> BadIn
 
 
 def _value(tree: Any, path: Sequence[TomlKey]) -> Any:
-    """What the file has at ``path``; None where it is not the file's own."""
+    """Return the value at ``path`` of the file; None if the file does not contain it."""
     for step in path:
         try:
             tree = tree[step]
@@ -278,7 +279,7 @@ def _value(tree: Any, path: Sequence[TomlKey]) -> Any:
 
 
 def _choices(kind: inspect.Type, path: Sequence[TomlKey]) -> tuple[str, ...]:
-    """The texts that a key of a fixed choice takes; ``kind`` is the type of the table in which ``path`` begins."""
+    """Return the choices of a key with fixed choices; ``kind`` is the type of the table in which ``path`` begins."""
     match kind:
         case inspect.Metadata():
             return _choices(kind.type, path)

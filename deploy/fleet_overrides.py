@@ -1,4 +1,4 @@
-"""``--set KEY=VALUE``: keys of a fleet file that are changed on the command line, before the file is checked."""
+"""``--set KEY=VALUE``: keys of a fleet file overridden on the command line, before the file is checked."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SEVERAL_GRIDS = "this fleet has several [[grid]]: change them in its file"
 
 
 class Override(NamedTuple):
-    """A changed key: its path in the file, and the option as it was written."""
+    """An overridden key: its path in the file, and the option as written."""
 
     path: tuple[TomlKey, ...]
     option: str
@@ -37,15 +37,15 @@ class Override(NamedTuple):
 def apply_overrides(
     tree: dict[str, Any], assignments: Sequence[str], robots: int | None = None
 ) -> tuple[dict[str, Any], tuple[Override, ...]]:
-    """The content of a fleet file with these assignments, and where each of them went.
+    """Return the content of a fleet file with these assignments, and the keys that they changed.
 
     Args:
-        tree: The content of the file; it stays as it is.
-        assignments: As written behind ``--set``, in order; the last of several for one key counts.
-        robots: As written behind ``--robots``: the number of robots of the fleet's grid.
+        tree: The content of the file; it is not changed.
+        assignments: As written after ``--set``, in order; the last of several for one key counts.
+        robots: As written after ``--robots``: the number of robots of the fleet's grid.
 
     Raises:
-        BadInput: An assignment is none, or means nothing in this file.
+        BadInput: An assignment is malformed, or matches no key of this file.
     """
     changed = copy.deepcopy(tree)
     options = [(text, f"--set {text}") for text in assignments]
@@ -75,7 +75,7 @@ def _apply(tree: dict[str, Any], text: str, option: str) -> Iterator[Override]:
 
 
 def _change_at_start(tree: dict[str, Any], set_name: str, parameter: str) -> tuple[TomlKey, ...]:
-    """Where a parameter of a set lies: in a ``[[change]]`` at 0 s, which is added where there is none of this set."""
+    """Return the path of a set's parameter in its ``[[change]]`` at 0 s, which is added if there is none."""
     changes = _tables(tree, "change")
     found = next(
         (index for index, each in enumerate(changes) if (each.get("set"), each.get("at")) == (set_name, 0)), None
@@ -87,7 +87,7 @@ def _change_at_start(tree: dict[str, Any], set_name: str, parameter: str) -> tup
 
 
 def _paths(tree: dict[str, Any], keys: list[str], option: str) -> Iterator[tuple[TomlKey, ...]]:
-    """Where a key lies in the file; a service of every robot is one, one that each robot states is several."""
+    """Yield the paths of a key; a service's name may have several: one for each robot that states it."""
     first, *rest = keys
     robots = [each.get("name") for each in _tables(tree, "robot")]
     services = dict(_services(tree))
@@ -139,7 +139,7 @@ def _example(first: str, robots: Sequence[object]) -> str:
 
 
 def _services(tree: dict[str, Any]) -> Iterator[tuple[tuple[TomlKey, ...], str]]:
-    """Where each service is stated, and its name."""
+    """Yield the path of each stated service, and its name."""
     for table in ("service", "every_robot"):
         for index, each in enumerate(_tables(tree, table)):
             yield (table, index), str(each.get("name") or each.get("kind"))
@@ -150,7 +150,7 @@ def _services(tree: dict[str, Any]) -> Iterator[tuple[tuple[TomlKey, ...], str]]
 
 
 def _builtin(tree: dict[str, Any], kind: str) -> tuple[TomlKey, ...]:
-    """The table of a service that every fleet has; it is added where the file states none."""
+    """Return the path of the table of a service that every fleet has, adding the table if the file states none."""
     stated = _tables(tree, "service")
     found = next((index for index, each in enumerate(stated) if each.get("kind") == kind), None)
     if found is None:
@@ -160,20 +160,19 @@ def _builtin(tree: dict[str, Any], kind: str) -> tuple[TomlKey, ...]:
 
 
 def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
-    """The tables of an array as far as they are some; what else a file has there is refused when it is checked."""
+    """Return an array's tables; empty if it contains anything else, which is rejected when the file is checked."""
     found = tree.get(name)
     return found if isinstance(found, list) and all(isinstance(each, dict) for each in found) else []
 
 
 def _value(text: str, path: Sequence[TomlKey]) -> Any:
-    """A value as TOML has it; anything else is text. The file of a model or world counts from the working
-    directory."""
+    """Parse a TOML value; anything else is text. The file of a model or world is relative to the working directory."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text
     if path[0] in ("robot", "grid") and path[-1] == "model" and isinstance(value, str):
-        from models.robot_source import names_file  # it loads what reads meshes, which no --help is to wait for
+        from models.robot_source import names_file  # importing it loads mesh readers, which --help must not wait for
 
         return str(Path(value).expanduser().absolute()) if names_file(value) else value
     if path[-1] == "world" and isinstance(value, str) and is_world_file(value):
@@ -188,7 +187,7 @@ def _assign(tree: dict[str, Any], path: Sequence[TomlKey], value: Any, option: s
             at = at[step]
             continue
         if not isinstance(at.setdefault(step, {}), dict | list):
-            at[step] = {}  # as pose = "world", of which one coordinate is set
+            at[step] = {}  # e.g. pose = "world", of which one coordinate is set
         at = at[step]
     if not isinstance(at, dict):
         raise BadInput(f"{option}: {path[-2]} is a list: set it as a whole")

@@ -1,4 +1,4 @@
-"""Validates a fleet beyond its types: names exist, are legal and unique, and values are within bounds."""
+"""Validates a fleet beyond its types: names are known, legal and unique, and values within bounds."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
 
 
 def service_identity(member: ServiceConfig, owner: RobotConfig | None, where: str = "") -> Identity:
-    """Namespace and node of a service; raises BadInput for a name that is none."""
+    """Return namespace and node of a service; raises BadInput for an invalid name."""
     namespace = member.namespace or (robot_namespace(owner) if owner else "/")
     try:
         return Identity.of(member.name or load_service(member.kind, where).name, namespace)
@@ -74,7 +74,7 @@ def service_identity(member: ServiceConfig, owner: RobotConfig | None, where: st
 
 
 def all_services(fleet: Fleet) -> Iterator[tuple[tuple[TomlKey, ...], ServiceConfig, RobotConfig | None]]:
-    """Every service as it will run: its place in the file and its robot."""
+    """Yield every service as it will run, with its path in the file and its robot."""
     for index, member in enumerate(fleet.service):
         yield ("service", index), member, None
     for number, robot in enumerate(fleet.robot):
@@ -108,7 +108,7 @@ def _check_robot(fleet: Fleet, index: int, source: TomlSource) -> None:
 
 
 def _check_models(fleet: Fleet, source: TomlSource) -> None:
-    """Models are stated for those of every robot alone, and each of them has a robot of them."""
+    """Raise BadInput if ``models`` is stated outside ``[[every_robot]]``, or names a model that no robot has."""
     own = {display_name(robot.model) for robot in fleet.robot}
     for index, member in enumerate(fleet.every_robot):
         for name in member.models:

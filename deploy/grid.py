@@ -1,4 +1,4 @@
-"""``[[grid]]`` of a fleet file: any number of equal robots in a grid, and the places that they drive to."""
+"""``[[grid]]`` of a fleet file: any number of identical robots in a grid, and their goals."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Place = tuple[float, float]
 
 
 def expand_grids(fleet: Fleet) -> Fleet:
-    """The fleet with the robots of its grids behind its own, and without grids."""
+    """Return the fleet with the robots of its grids after its own, and without grids."""
     robots = tuple(robot for grid in fleet.grid for robot in grid_robots(grid))
     return replace(fleet, robot=(*fleet.robot, *robots), grid=())
 
 
 def grid_robots(grid: GridConfig) -> tuple[RobotConfig, ...]:
-    """The robots of a grid: row by row from the one with the least x and y, along x first."""
+    """Return the robots of a grid, row by row from the one with the least x and y, along x first."""
     places = grid_places(grid.robots, grid.columns or math.ceil(math.sqrt(grid.robots)), grid.spacing)
     goals = grid_goals(places, grid.goals, grid.seed)
     centre = grid.pose
@@ -40,13 +40,13 @@ def grid_robots(grid: GridConfig) -> tuple[RobotConfig, ...]:
 
 
 def grid_places(count: int, columns: int, spacing: float) -> list[Place]:
-    """Places [m] from the grid's centre; the last row may be shorter."""
+    """Return places [m] relative to the grid's centre; the last row may be shorter."""
     width, height = (min(count, columns) - 1) * spacing, (math.ceil(count / columns) - 1) * spacing
     return [(spacing * (k % columns) - width / 2, spacing * (k // columns) - height / 2) for k in range(count)]
 
 
 def grid_goals(places: list[Place], rule: GoalRule, seed: int) -> list[Place] | list[None]:
-    """The goal of each place; no two robots have the same one."""
+    """Return the goal of each place; no two robots share one."""
     match rule:
         case "none":
             return [None] * len(places)
@@ -59,7 +59,7 @@ def grid_goals(places: list[Place], rule: GoalRule, seed: int) -> list[Place] | 
 
 
 def _one_cycle(count: int, random: Random) -> list[int]:
-    """A random permutation that leaves nothing in its place (Sattolo's algorithm)."""
+    """Return a random permutation that leaves nothing in its place (Sattolo's algorithm)."""
     order = list(range(count))
     for last in range(count - 1, 0, -1):
         other = int(random.random() * last)
@@ -68,10 +68,10 @@ def _one_cycle(count: int, random: Random) -> list[int]:
 
 
 def grid_key(fleet: Fleet) -> Callable[[tuple[TomlKey, ...]], tuple[TomlKey, ...]]:
-    """Where a key of an expanded fleet is written: that of a grid's robot in its grid.
+    """Return a function from a key of the expanded fleet to its key as written: that of a grid's robot in its grid.
 
     Args:
-        fleet: The fleet as it is written, with its grids.
+        fleet: The fleet as written, with its grids.
     """
     owners = [number for number, grid in enumerate(fleet.grid) for _ in range(grid.robots)]
     stated = len(fleet.robot)

@@ -1,4 +1,4 @@
-"""Locks that one fleet alone can hold: its port, and its file of saved parameters."""
+"""Locks that only one fleet can hold: its port, and its file of saved parameters."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from services.runtime.transport import unix_sockets
 from services.runtime.user_folders import instances_folder
 
 _LOCK_TIMEOUT_S = 1.0
-"""Wall time [s] to wait for a lock, which other processes hold for a moment to test it."""
+"""Wall time [s] to wait for a lock, which other processes briefly hold to test it."""
 
 
 @contextmanager
 def instance_lock(entry: FleetInstance) -> Iterator[None]:
-    """Hold the port for this fleet; raises BadInput when another fleet, or another program, holds it.
+    """Hold the port for this fleet; raises BadInput if another fleet or program holds it.
 
-    Sockets left by killed processes of an earlier fleet are removed, and at the end those of this one.
+    Removes sockets left by killed processes of an earlier fleet, and at the end those of this one.
     """
     path = instances_folder() / f"{entry.port}.json"
     meeting = unix_sockets.path_of(entry.router or unix_sockets.router_endpoint(entry.port)).parent
@@ -63,9 +63,9 @@ def _lock(descriptor: int) -> bool:
 
 
 def _check_free(entry: FleetInstance, meeting: Path) -> None:
-    """Raise BadInput unless the fleet's router can listen wherever it is to.
+    """Raise BadInput unless the fleet's router can listen at all its endpoints.
 
-    Another program may take a place before the router does: the router then ends with status 75 and says so.
+    Another program may still take one before the router does: the router then exits with status 75 and reports it.
     """
     try:
         unix_sockets.is_listening(unix_sockets.router_in(meeting))
@@ -96,15 +96,15 @@ def _port_in_use(port: int) -> BadInput:
 
 
 _RELEASE_TIMEOUT_S = 2.0
-"""Wall time [s] that a parameter service needs to end and release its file after its supervisor was killed."""
+"""Wall time [s] for a parameter service to exit and release its file after its supervisor was killed."""
 
 
 def check_parameter_file_unused(file: Path) -> None:
-    """Raise BadInput when the parameter service of another fleet holds the file; one that is not there is free."""
+    """Raise BadInput if the parameter service of another fleet holds the file; a missing file is unused."""
     try:
         descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
-        return  # the parameter service reports what is wrong with it
+        return  # the parameter service reports the problem
     try:
         deadline = time.monotonic() + _RELEASE_TIMEOUT_S
         while is_locked(descriptor):

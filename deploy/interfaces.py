@@ -1,4 +1,4 @@
-"""Topics, requests and message types by name, and types described: fields, units, bounds and texts."""
+"""Finds topics, requests and message types by name, and describes types: fields, units, bounds and texts."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from services.script.workspace import workspace_of
 
 @cache
 def use_workspace() -> None:
-    """Know the message packages of the workspace around the current directory as well."""
+    """Register the message packages of the workspace around the current directory as well."""
     catalogue().locate = workspace_of(Path.cwd()).package_path
 
 
 class FieldType(NamedTuple):
-    """The type of a field: its name as ROS writes it, the record that it holds, and what bounds it."""
+    """The type of a field: its ROS name, the record it holds, and its bounds."""
 
     name: str
     record: type[Message] | None = None
@@ -37,7 +37,7 @@ class FieldType(NamedTuple):
 
 
 def find_interface(name: str) -> type[Message] | Request[Any, Any]:
-    """The record of a ROS type (``geometry_msgs/msg/Twist`` as well), or a request by its name; raises BadInput."""
+    """Return the record of a ROS type (also ``geometry_msgs/msg/Twist``), or a request by its name; raises BadInput."""
     use_workspace()
     wanted = name.replace("/msg/", "/", 1).replace("/srv/", "/", 1)
     if (record := find_record(wanted)) is not None:
@@ -57,12 +57,12 @@ def find_interface(name: str) -> type[Message] | Request[Any, Any]:
 
 
 def summary(record: type[Message]) -> str:
-    """The docstring of a record."""
+    """Return the docstring of a record."""
     return inspect.getdoc(record) or ""
 
 
 def describe_fields(record: type[Message]) -> list[dict[str, Any]]:
-    """Every field of a record with type, unit, bounds and default, and those of the records within."""
+    """Describe every field of a record, including nested records: type, unit, bounds and default."""
     info = shapes.type_info(record)
     assert isinstance(info, shapes.StructType)
     rows = []
@@ -85,7 +85,7 @@ def describe_fields(record: type[Message]) -> list[dict[str, Any]]:
 
 
 def constants(record: type[Message]) -> dict[str, Any]:
-    """The named values that a record brings, as ULTRASOUND of sensor_msgs/Range."""
+    """Return the constants of a record, e.g. ULTRASOUND of sensor_msgs/Range."""
     if issubclass(record, GeneratedMessage):
         try:
             return {each.name: each.value for each in catalogue().message(record.ROS_TYPE, 2).constants}
@@ -97,7 +97,7 @@ def constants(record: type[Message]) -> dict[str, Any]:
 
 
 def describe_type(record: type[Message]) -> dict[str, Any]:
-    """A record whole, with the topics that carry it and the requests that ask or reply it."""
+    """Describe a record in full, with the topics and requests that use it."""
     return {
         "type": record.ROS_TYPE,
         "about": summary(record),
@@ -109,7 +109,7 @@ def describe_type(record: type[Message]) -> dict[str, Any]:
 
 
 def list_types(package: str = "") -> dict[str, list[dict[str, str]]]:
-    """All records and all requests, or those of a package; raises BadInput for a package that has none."""
+    """List all records and requests, or those of a package; raises BadInput for a package that has none."""
     use_workspace()
     records = {name: each for name, each in sorted(RECORDS.items()) if not package or name.startswith(f"{package}/")}
     if package:
@@ -135,7 +135,7 @@ def list_types(package: str = "") -> dict[str, list[dict[str, str]]]:
 
 
 def _field_type(kind: shapes.Type) -> FieldType:
-    """A type taken apart."""
+    """Describe a type."""
     match kind:
         case shapes.Metadata(type=bare, extra=extra):
             return _field_type(bare)._replace(unit=(extra or {}).get("unit", ""))
@@ -165,7 +165,7 @@ def _field_type(kind: shapes.Type) -> FieldType:
 
 
 def _union_type(types: tuple[shapes.Type, ...]) -> FieldType:
-    """A union: null makes it optional; a packed array is shown as its list."""
+    """Describe a union: null makes it optional; a packed array is shown as its list."""
     alternatives = [_field_type(each) for each in types if not isinstance(each, shapes.NoneType | shapes.ExtType)]
     names = dict.fromkeys(each.name for each in alternatives)
     whole = alternatives[0] if len(alternatives) == 1 else FieldType(" or ".join(names))
@@ -186,20 +186,21 @@ def _bounds(kind: shapes.IntType | shapes.FloatType) -> str:
 
 
 def _plain_default(value: Any) -> Any:
-    """A default as it may be written; None where there is none to write."""
+    """Return a default as plain data; None if there is none to show."""
     return value if isinstance(value, bool | int | float | str) else None
 
 
 def known_topic(name: str) -> Topic[Any] | None:
-    """The topic called ``name`` in some namespace; of several, the one with the longest name."""
+    """Return the topic called ``name`` in some namespace; of several, the one with the longest name."""
     found = [each for each in TOPICS if name == each.name or name.endswith("/" + each.name.lstrip("~/"))]
     fitting = [each for each in found if not each.name.startswith("/") or each.name == name]
     return max(fitting, key=lambda each: len(each.name), default=None)
 
 
 def known_request(name: str, asks: str) -> Request[Any, Any] | None:
-    """The request of an absolute name that asks a type; one that is relative, or a node's own (``~name``), may be in
-    any namespace."""
+    """Return the request with an absolute name that takes the type ``asks``; a relative one, or one of a node
+    (``~name``), may be in any namespace.
+    """
     for each in REQUESTS:
         placed = each.name.startswith("/")
         fits = name == each.name if placed else name.endswith(f"/{each.name.removeprefix('~')}")
@@ -209,12 +210,12 @@ def known_request(name: str, asks: str) -> Request[Any, Any] | None:
 
 
 def known_record(type_name: str) -> type[Message] | None:
-    """The record of a ROS type in either spelling, or None when this project has none."""
+    """Return the record of a ROS type in either spelling, or None if this project has none."""
     return find_record(canonical_type(type_name))
 
 
 def record_by_type(type_name: str) -> type[Message]:
-    """The record of a ROS type in either spelling; raises BadInput with the nearest name."""
+    """Return the record of a ROS type in either spelling; raises BadInput with the nearest name."""
     use_workspace()
     try:
         return need_record(canonical_type(type_name))
@@ -223,13 +224,13 @@ def record_by_type(type_name: str) -> type[Message]:
 
 
 def service_interface(type_name: str) -> Request[Any, Any] | None:
-    """The two records of a service type (``std_srvs/SetBool``), as a request under the type's name, or None."""
+    """Return the records of a service type (``std_srvs/SetBool``) as a request under the type's name, or None."""
     name = canonical_type(type_name)
     asks, replies = find_record(f"{name}Request"), find_record(f"{name}Response")
     return None if asks is None or replies is None else Request(name, asks, replies, "a service type")
 
 
 def canonical_type(type_name: str) -> str:
-    """``geometry_msgs/Twist``, however it is written: ROS 2 puts ``msg`` or ``srv`` in the middle."""
+    """Return the type as ``geometry_msgs/Twist``, without the ``msg`` or ``srv`` that ROS 2 puts in the middle."""
     parts = type_name.split("/")
     return "/".join((parts[0], parts[2])) if len(parts) == 3 and parts[1] in ("msg", "srv") else type_name

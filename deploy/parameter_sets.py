@@ -1,4 +1,4 @@
-"""The parameter sets of a fleet: their services, the values that the fleet gives, and how a run differed from them."""
+"""The parameter sets of a fleet: their services, the values that the fleet gives, and how a run deviated from them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from services.sim.parameters import BaseParameters, JointParameters
 
 
 def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
-    """The sets by name, each with the parameter records of the services that use it."""
+    """Return the sets by name, each with the parameter records of the services that use it."""
     stated = {each.kind for each in fleet.service}
     every: list[tuple[ServiceConfig, RobotConfig | None]] = [
         (ServiceConfig(kind=kind), None) for kind in BUILTIN_SERVICES if kind not in stated
@@ -47,7 +47,7 @@ def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
 
 
 def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[str, Any]]:
-    """The values of the live parameters of each set by fleet file and defaults alone, by dotted names."""
+    """Return the live parameters of each set by dotted name, from the fleet file and the defaults only."""
     values: dict[str, dict[str, Any]] = {}
     for node in (each for process in plan for each in process.nodes):
         service = load_service(node.kind)
@@ -71,7 +71,7 @@ def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[st
 def check_changes(fleet: Fleet, source: TomlSource) -> None:
     """Raise BadInput, with file and line, for a scheduled change that no set of the fleet can accept.
 
-    The sets of a ROS script are known when it has announced them.
+    The sets of a ROS script are known only once it announces them.
     """
     sets = parameter_sets(fleet) if fleet.change else {}
     scripts = _script_nodes(fleet) if fleet.change else []
@@ -85,19 +85,19 @@ def check_changes(fleet: Fleet, source: TomlSource) -> None:
             raise unknown_name("set of parameters", change.set, (*sets, *scripts), where)
         records = sets[change.set]
         for name, value in change.values.items():
-            # Of several that share a set, those that know the name decide.
+            # Of several records that share a set, those that have the name decide.
             knowing = [each for each in records if any(leaf.name == name for leaf in fields_of(each))]
             for record in knowing or records[:1]:
                 check_value(record, name, value, source.location("change", index, "values", name))
 
 
 def _script_nodes(fleet: Fleet) -> list[str]:
-    """The nodes of ROS scripts, each of which may serve dynamic_reconfigure."""
+    """Return the nodes of ROS scripts, each of which may serve dynamic_reconfigure."""
     return [service_identity(member, owner).node for _, member, owner in all_services(fleet) if is_script(member.kind)]
 
 
 def _service_set(service: Service, node: str) -> str | None:
-    """The set that a service follows as ``node``; None without parameters, and for the parameter service."""
+    """Return the set that a service uses as ``node``; None without parameters, and for the parameter service."""
     if service.parameters is Parameters or service.parameter_set is None:
         return None
     return resolve(service.parameter_set or node, node.rpartition("/")[0] or "/", node)
@@ -110,21 +110,21 @@ def _live_values(params: Parameters) -> dict[str, Any]:
 
 
 ReportedValues = Callable[[], Mapping[str, ParameterValues]]
-"""The values of each set that were received so far; it does not block."""
+"""Returns the values of each set received so far; does not block."""
 
 FleetValues = Mapping[str, Mapping[str, Any]]
-"""The values of the live parameters of each set by fleet file and defaults alone."""
+"""The values of each set's live parameters from the fleet file and the defaults only."""
 
 
 class SavedParameterNotes:
-    """Reports once for each set which saved values override the fleet's."""
+    """Reports once per set which saved values override the fleet's."""
 
     def __init__(self, received: ReportedValues, own: FleetValues) -> None:
         self._received, self._own = received, own
         self._reported: set[str] = set()
 
     def new_lines(self) -> Iterator[str]:
-        """One line for each newly received set that has such values."""
+        """Yield a line for each newly received set that has such values."""
         for name, values in self._received().items():
             if name in self._reported:
                 continue
@@ -139,7 +139,7 @@ class SavedParameterNotes:
 def effective_parameters(
     received: Mapping[str, ParameterValues], own: FleetValues
 ) -> dict[str, dict[str, EffectiveParameter]]:
-    """The live parameters with other values than their defaults, by set and name, sorted."""
+    """Return the live parameters whose origin is not their default, by set and name, sorted."""
     found = {
         name: {
             each.name: EffectiveParameter(value=each.value, origin=each.origin)
@@ -154,7 +154,7 @@ def effective_parameters(
 def overridden_parameter_note(
     received: Mapping[str, ParameterValues], own: FleetValues, fleet: Fleet
 ) -> tuple[str, ...]:
-    """One note with the values that differ from the fleet file's, or none when no value does."""
+    """Return one note with the values that differ from the fleet file's, or none if no value does."""
     scheduled = {(change.set, name) for change in fleet.change for name in change.values}
     parts = [
         f"{name} {_difference(each, own[name])}"

@@ -1,4 +1,4 @@
-"""The processes that a fleet needs, as data: what to run, in which order, and what their end means."""
+"""Plans the processes of a fleet as data: what to run, in which order, and what their end means."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ _RESTART_MODES: dict[str, RestartMode] = {"router": "always", "grader": "never"}
 
 
 _NOT_AWAITED = ("router", "sim")
-"""Services that time does not wait for: the router starts first, and the simulation is the one that waits."""
+"""Services that simulation time does not wait for: the router starts first, and the simulation itself waits."""
 
 _DEPENDENCIES = {"router": (), "params": ("router",), "sim": ("router", "params")}
-"""Services that must be ready before; all others need the simulation, and through it the router and the parameters."""
+"""Services that must be ready first; all others need the simulation, and through it the router and the parameters."""
 
 
 class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """A node: its name, its kind of service, and the options that are its own and not its process's."""
+    """A node: its name, its kind of service, and its own options, without those of its process."""
 
     name: str
     kind: str
@@ -54,16 +54,16 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def command_line(self) -> str:
-        """What ``services container`` runs."""
+        """The line that ``services container`` reads."""
         return shlex.join((self.kind, *self.arguments))
 
 
 class ProcessSpec(msgspec.Struct, frozen=True, kw_only=True):
     """One process and its nodes: one, or those of a container.
 
-    The fleet ends with a ``required`` one; ``depends_on`` names those that must be ready before.
-    With ``ends_run`` its orderly end is that of the run, and no failure.
-    Simulation time begins when every ``awaited`` process is ready: the sim and those that it waits for.
+    The fleet ends with a ``required`` process; ``depends_on`` names those that must be ready first. With ``ends_run``,
+    exiting with status 0 ends the run, and is no failure. Simulation time begins when every ``awaited`` process is
+    ready: the simulation and those that it waits for.
     """
 
     name: str
@@ -86,16 +86,17 @@ class ProcessSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 MOST_DIRECT = 20
-"""Nodes whose processes connect to each other directly; those of a larger fleet join the router alone.
+"""Maximum number of nodes whose processes connect to each other directly; in a larger fleet they connect to the router
+only.
 
-Each of N direct processes opens N links, and looks up every topic that another declares among all that it knows. Up to
-20 nodes both ways are alike (16 robots with a controller each: 3.1 and 3.5 x real time); 36 processes start in 12 s
-directly and in 4.6 s in star, and run at 0.6 and 1.8 x; a hundred robots in 8 processes block each other directly.
+Each of N direct processes opens N links, and looks up each topic that another declares among all that it knows. Up to
+20 nodes the topologies perform alike (16 robots with a controller each: 3.1 and 3.5 x real time); 36 processes start in
+12 s directly and in 4.6 s in star, and run at 0.6 and 1.8 x; a hundred robots in 8 processes block each other directly.
 """
 
 
 def choose_topology(fleet: Fleet) -> Fleet:
-    """The fleet with a topology by its size, unless it states one."""
+    """Return the fleet with a topology chosen by its size, unless it states one."""
     if fleet.run.topology != "auto":
         return fleet
     nodes = len(_place_services(fleet))
@@ -104,7 +105,7 @@ def choose_topology(fleet: Fleet) -> Fleet:
 
 
 def plan_processes(fleet: Fleet, options: RunOptions) -> tuple[ProcessSpec, ...]:
-    """Every process of the fleet, those first that others depend on: router, parameters, simulation, then the rest."""
+    """Return every process of the fleet, dependencies first: router, parameters, simulation, then the rest."""
     fleet = choose_topology(fleet)
     stated = _place_services(fleet)
     taking_part = [each for each in stated if each.service.kind not in OBSERVER_SERVICES]
@@ -124,7 +125,7 @@ def plan_processes(fleet: Fleet, options: RunOptions) -> tuple[ProcessSpec, ...]
 
 
 def write_containers(plan: Sequence[ProcessSpec], folder: Path) -> None:
-    """Write the files with the nodes of each container into the folder of a run."""
+    """Write the file that lists the nodes of each container into the run's folder."""
     for each in plan:
         if len(each.nodes) > 1:
             file = folder / CONTAINERS_FOLDER / each.name
@@ -143,12 +144,14 @@ def _place_services(fleet: Fleet) -> list[PlacedService]:
 
 
 def _is_lockstep_member(kind: str) -> bool:
-    """Whether lockstep waits for services of this kind at each tick."""
+    """Return whether lockstep waits for services of this kind at each tick."""
     return load_service(kind).steps
 
 
 def _container_spec(name: str, singles: Sequence[ProcessSpec], fleet: Fleet, options: RunOptions) -> ProcessSpec:
-    """The process of nodes that would each have one of ``singles``; their command lines are in a file of the run."""
+    """Return the process of nodes that would each have one of ``singles``; their command lines are in a file of the
+    run.
+    """
     arguments = ["--name", name, *_network_arguments(fleet, options), "--await-params"]
     if any("--lockstep" in each.argv for each in singles):
         arguments.append("--lockstep")
@@ -194,8 +197,10 @@ def _process_spec(stated: PlacedService, fleet: Fleet, options: RunOptions, node
 def _command(
     stated: PlacedService, own: Sequence[str], fleet: Fleet, options: RunOptions, nodes: NodeGroups
 ) -> tuple[str, ...]:
-    """Module and arguments of a process. A user's file runs as in ``./elea run``, with its folder on the path; of a ROS
-    script, all that follows its file's name is its own.
+    """Return module and arguments of a process.
+
+    A user's file runs as in ``./elea run``, with its folder on the path; for a ROS script, everything after its file's
+    name is its own.
     """
     kind, node = stated.service.kind, stated.node
     network = _network_arguments(fleet, options) if kind != "router" else _domain_arguments(options)
@@ -212,14 +217,14 @@ def _command(
 
 
 def _lockstep_environment(stated: PlacedService, fleet: Fleet, nodes: NodeGroups) -> dict[str, str]:
-    """What a script in lockstep needs from its start on; it would start again for it."""
+    """Return the environment that a script in lockstep needs from the start; without it, it would restart itself."""
     if fleet.run.mode == "lockstep" and is_script(stated.service.kind) and stated.node in nodes.members:
         return hash_environment(fleet.run.seed)
     return {}
 
 
 def _network_arguments(fleet: Fleet, options: RunOptions) -> list[str]:
-    """The options of a process that joins the fleet's network."""
+    """Return the options for joining the fleet's network."""
     return ["--connect", fleet_endpoint(fleet), "--topology", fleet.run.topology, *_domain_arguments(options)]
 
 
@@ -228,7 +233,7 @@ def _domain_arguments(options: RunOptions) -> list[str]:
 
 
 def _own_arguments(stated: PlacedService, parameters: dict[str, Any]) -> list[str]:
-    """The options of a node, in a process of its own or in a container."""
+    """Return the options of a node, in its own process or in a container."""
     identity = service_identity(stated.service, stated.robot)
     arguments = ["--namespace", identity.namespace, "--name", identity.node.rpartition("/")[2]]
     for origin, target in stated.service.remap.items():
@@ -239,7 +244,7 @@ def _own_arguments(stated: PlacedService, parameters: dict[str, Any]) -> list[st
 
 
 def _parameters(stated: PlacedService, fleet: Fleet, options: RunOptions, nodes: NodeGroups) -> dict[str, Any]:
-    """The parameters that a service gets from its fleet and from its own table."""
+    """Return the parameters that a service gets from its fleet and from its own table."""
     kind = stated.service.kind
     return {
         **service_parameters(kind, fleet, options, nodes),
@@ -251,7 +256,9 @@ def _parameters(stated: PlacedService, fleet: Fleet, options: RunOptions, nodes:
 
 
 def _shift_points(stated: PlacedService) -> dict[str, Any]:
-    """The service's own parameters, with points from the robot's start and its goals in the frame of its odometry."""
+    """Return the service's own parameters, with points relative to the start, and goals, in its
+    robot's odometry frame.
+    """
     parameters = dict(stated.service.parameters)
     if stated.robot is not None:
         for name in stated.service.from_start:
@@ -265,7 +272,7 @@ def _shift_points(stated: PlacedService) -> dict[str, Any]:
 
 
 def _point_in_odometry(robot: RobotConfig, x: float, y: float) -> list[float]:
-    """A point that lies (x, y) [m] from the robot's start in the axes of the world, as its odometry has it."""
+    """Return a point (x, y) [m] from the robot's start, in world axes, in the frame of its odometry."""
     start = robot.pose
     if not odometry_counts_from_start(robot):
         return [x + start.x, y + start.y]

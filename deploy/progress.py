@@ -17,35 +17,37 @@ from messages.elea import FleetState, ProcessState
 from services.panel.address import ADDRESS_FILE, read_address
 
 PLAIN_PERIOD_S = 10.0
-"""Wall time between two lines about a fleet that runs well, where no live line can be shown."""
+"""Wall time [s] between two lines about a healthy fleet, where no live line can be shown."""
 
 WAITING_PERIOD_S = 5.0
-"""Wall time [s] between two lines about the nodes that time waits for."""
+"""Wall time [s] between two lines about the nodes that simulation time waits for."""
 
 _PROBLEM_STATES = ("backing off", "failed")
 
 
 FEW_PROCESSES = 16
-"""Number of processes up to which a line tells when each is ready; with more, only the live line counts them."""
+"""Maximum number of processes for which a line reports each that is ready; with more, only the live
+line counts them.
+"""
 
 NAMED = 5
-"""Processes named in the live line."""
+"""Maximum number of processes named in the live line."""
 
 
 class ProgressDisplay(Protocol):
     """An output for progress."""
 
     def print_line(self, line: str) -> None:
-        """Print a line that stays."""
+        """Print a permanent line."""
         ...
 
     def set_status(self, line: str) -> None:
-        """Show what goes on just now."""
+        """Show the current status."""
         ...
 
 
 class PlainDisplay:
-    """Lines on stderr; what goes on is repeated when it has changed, at most every PLAIN_PERIOD_S."""
+    """Prints lines on stderr; a changed status is printed at most every PLAIN_PERIOD_S."""
 
     def __init__(self) -> None:
         self._shown, self._next = "", time.monotonic() + PLAIN_PERIOD_S
@@ -62,7 +64,7 @@ class PlainDisplay:
 
 @contextmanager
 def open_display() -> Iterator[ProgressDisplay]:
-    """The screen that stderr allows."""
+    """Open the display that stderr supports."""
     if not sys.stderr.isatty():
         yield PlainDisplay()
         return
@@ -82,7 +84,7 @@ def open_display() -> Iterator[ProgressDisplay]:
 
 
 def waiting_line(names: Sequence[str], processes: int) -> str:
-    """What a fleet waits for, in one line: of many processes how many are ready, and the names of some."""
+    """Return what a fleet waits for, in one line; for many processes, the number ready and the names of some."""
     if processes <= FEW_PROCESSES:
         return f"waiting for {', '.join(names)}"
     rest = len(names) - NAMED
@@ -91,7 +93,7 @@ def waiting_line(names: Sequence[str], processes: int) -> str:
 
 
 class ProgressReporter:
-    """Shows the state of the fleet on a screen and in the run's folder; ``news`` are lines to print."""
+    """Shows the state of the fleet on a display and writes it to the run's folder; ``news`` returns lines to print."""
 
     def __init__(self, screen: ProgressDisplay, folder: Path, news: Callable[[], Iterable[str]] = tuple) -> None:
         self._screen, self._folder, self._news = screen, folder, news
@@ -102,7 +104,7 @@ class ProgressReporter:
         self._starved: set[str] = set()
 
     def on_state_change(self, life: ManagedProcess, fleet: FleetState) -> None:
-        """A process has changed its state."""
+        """Report a process's change of state."""
         write_state(self._folder, fleet)
         shown = life.state_message()
         if life.state in _PROBLEM_STATES:
@@ -117,7 +119,7 @@ class ProgressReporter:
             self._screen.print_line(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
 
     def _report_problem(self, life: ManagedProcess, shown: ProcessState) -> None:
-        """Print a change of a process, once, with the reason that it gave for its end."""
+        """Print a process's problem, and the last line of its log unless it was printed before."""
         name, reason = shown.name, shown.reason
         words = last_line(self._folder / "logs" / log_name(name)) if reason.startswith("exit status") else ""
         if words and words in reason and life.spec.required:
@@ -129,7 +131,7 @@ class ProgressReporter:
             self._screen.print_line(f"  {words}")
 
     def _report_starved(self, lives: Sequence[ManagedProcess]) -> None:
-        """Say once of each process that the machine is too busy for it; of many at once in one line."""
+        """Report each process once for which the machine is too busy; several at a time in one line."""
         now = time.monotonic()
         found = [
             (life.spec.name, silent)
@@ -149,11 +151,11 @@ class ProgressReporter:
         )
 
     def on_note(self, text: str) -> None:
-        """Show a problem of the whole supervision in place of problems of single processes."""
+        """Show a problem of the supervision as a whole instead of problems of single processes."""
         self._screen.print_line(text)
 
     def _report_waiting(self, lives: Sequence[ManagedProcess]) -> None:
-        """Print now and then which nodes time waits for."""
+        """Print now and then which nodes simulation time waits for."""
         now = time.monotonic()
         for life in lives:
             if life.spec.kind == "sim" and life.activity == "waiting" and life.note and now > self._next_wait:
@@ -161,7 +163,7 @@ class ProgressReporter:
                 self._screen.print_line(life.note)
 
     def on_poll(self, lives: Sequence[ManagedProcess]) -> None:
-        """Another look at heartbeats is done."""
+        """Update the display after a check of heartbeats."""
         for line in self._news():
             self._screen.print_line(line)
         self._report_starved(lives)

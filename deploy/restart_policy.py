@@ -1,4 +1,4 @@
-"""Restart policy: what follows the end of a process, decided from its past alone."""
+"""Restart policy: what to do when a process ends, decided from its history alone."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from msgspec import Meta
 RestartMode = Literal["never", "on-failure", "always"]
 
 BAD_INPUT = 2
-"""Exit status after which a process is not restarted: its input is wrong, and would be again."""
+"""Exit status after which a process is not restarted: its input is wrong and would be again."""
 
 JITTER = 0.2
-"""Largest part by which a pause is lengthened or shortened, so that what fell together does not rise together."""
+"""Maximum relative jitter of a pause, so that processes that failed together do not restart together."""
 
 
 class RestartPolicy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """When a process is started again, after which pause, and when to give up.
+    """When to restart a process, after which pause, and when to give up.
 
-    The pause [s] begins at ``first`` and doubles with each restart within ``window`` up to ``longest``; a process that
-    has been restarted ``limit`` times within ``window`` [s] and ends again has failed. The figures are those of
-    systemd (RestartSec 100 ms) and dora (restart window), see OTP's "maximum restart intensity" for the idea.
+    The pause [s] starts at ``first`` and doubles with each restart within ``window`` [s], up to ``longest``; a process
+    that ends again after ``limit`` restarts within ``window`` has failed. The figures are those of systemd (RestartSec
+    100 ms) and dora (restart window); see OTP's "maximum restart intensity" for the idea.
     """
 
     when: RestartMode = "on-failure"
@@ -33,17 +33,17 @@ class RestartPolicy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class Finished(msgspec.Struct, frozen=True):
-    """It has done its work."""
+    """The process has completed its work."""
 
 
 class Restart(msgspec.Struct, frozen=True):
-    """Start it again after a pause [s]."""
+    """Restart the process after a pause [s]."""
 
     pause: float
 
 
 class Failed(msgspec.Struct, frozen=True):
-    """It is given up."""
+    """Give the process up."""
 
     reason: str
 
@@ -54,11 +54,11 @@ ExitDecision = Finished | Restart | Failed
 def decide_after_exit(
     policy: RestartPolicy, restarts: Sequence[float], now: float, status: int, chance: float, last_line: str = ""
 ) -> ExitDecision:
-    """The action after an exit.
+    """Return the action after an exit.
 
     ``restarts`` holds the times [s] of earlier restarts on the clock of ``now``; ``status`` is the exit status,
-    negative for a signal, as in ``subprocess``; ``chance`` in [0, 1) draws the jitter; ``last_line`` is its last line.
-    As systemd's RestartPreventExitStatus, BAD_INPUT counts whatever the policy says.
+    negative for a signal, as in ``subprocess``; ``chance`` in [0, 1) determines the jitter; ``last_line`` is the last
+    line of its log. Like systemd's RestartPreventExitStatus, BAD_INPUT prevents a restart whatever the policy.
     """
     if status == 0 and policy.when != "always":
         return Finished()
@@ -74,5 +74,5 @@ def decide_after_exit(
 
 
 def describe_exit(status: int) -> str:
-    """``exit status 1``, or ``killed by signal 9``."""
+    """Return e.g. ``exit status 1`` or ``killed by signal 9``."""
     return f"killed by signal {-status}" if status < 0 else f"exit status {status}"

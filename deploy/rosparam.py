@@ -1,4 +1,4 @@
-"""The tree of ROS 1's parameters that a fleet begins with: its table ``[rosparam]`` and the private ones of scripts."""
+"""The initial tree of ROS 1 parameters of a fleet: its table ``[rosparam]`` and the private ones of scripts."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ DESCRIPTION = "robot_description"
 
 
 def fleet_parameter_tree(fleet: Fleet) -> Tree:
-    """The whole tree: the descriptions of the robots in their namespaces, ``[rosparam]``, and a script's own
-    ``parameters``, which are private to its node and win."""
+    """Return the whole tree: the robots' descriptions in their namespaces, ``[rosparam]``, and each script's
+    ``parameters``, which are private to its node and override the others.
+    """
     tree: Tree = {}
     for robot in fleet.robot:
         set_parameter(
@@ -36,5 +37,5 @@ def fleet_parameter_tree(fleet: Fleet) -> Tree:
 
 
 def write_parameter_tree(tree: Tree, path: Path) -> None:
-    """Write the file that the parameter service begins with."""
+    """Write the file that the parameter service starts from."""
     write_atomic(path, json.dumps(tree).encode())

@@ -1,4 +1,4 @@
-"""A tree of ROS 1's parameters as nested dicts: made of tables, merged, searched."""
+"""A tree of ROS 1 parameters as nested dicts: build, merge, look up."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Tree = dict[str, Any]
 
 
 def parameter_tree(table: Mapping[str, Any], where: str) -> Tree:
-    """A nested table as a tree: a key ``a/b`` is ``b`` in ``a``. Raises BadInput behind the place ``where``."""
+    """Convert a nested table to a tree: a key ``a/b`` is ``b`` in ``a``. Raises BadInput with the place ``where``."""
     tree: Tree = {}
     for key, value in table.items():
         if not key.strip("/"):
@@ -22,7 +22,7 @@ def parameter_tree(table: Mapping[str, Any], where: str) -> Tree:
 
 
 def set_parameter(tree: Tree, key: str, value: Any) -> None:
-    """Set a value or, with a dict, merge a branch into the tree; a value in the way is replaced."""
+    """Set a value or, with a dict, merge a branch into the tree; conflicting values are replaced."""
     *above, last = [part for part in key.split("/") if part] or [""]
     for part in above:
         inner = tree.get(part)
@@ -40,7 +40,7 @@ def set_parameter(tree: Tree, key: str, value: Any) -> None:
 
 
 def get_parameter(tree: Tree, key: str) -> Any:
-    """The value or branch of a key; raises KeyError."""
+    """Return the value or branch of a key; raises KeyError."""
     found: Any = tree
     for part in filter(None, key.split("/")):
         if not isinstance(found, dict):
@@ -50,7 +50,7 @@ def get_parameter(tree: Tree, key: str) -> Any:
 
 
 def leaves(tree: Tree, above: str = "") -> Iterator[tuple[str, Any]]:
-    """The values of a tree by their absolute names."""
+    """Yield the values of a tree by absolute name."""
     for name, value in tree.items():
         key = f"{above}/{name}"
         if isinstance(value, dict) and value:

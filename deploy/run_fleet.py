@@ -1,4 +1,4 @@
-"""A run from its fleet to its report: claim the port, supervise, grade."""
+"""Runs a fleet and reports on it: lock the port, supervise, grade."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from services.sim.engines import default_engine
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
-    """The result of a run; ``report`` is None without measurements, ``error`` is then the reason."""
+    """The result of a run; without measurements, ``report`` is None and ``error`` the reason."""
 
     outcome: Outcome
     report: Report | None
     error: str = ""
 
     def exit_status(self, fleet: Fleet) -> int:
-        """The exit status of ``up``: 0 when all processes ended as they should and every check holds, else 1 or
+        """Return the exit status of ``up``: 0 if all processes ended as they should and every check holds, else 1 or
         INTERRUPTED.
 
-        A fleet that never ends by itself is expected to be interrupted, but not before its grader could begin.
+        A fleet that never ends on its own is expected to be interrupted, but not before its grader could begin.
         """
         early = self.report is None and not self.outcome.failed_on_stop
         if self.outcome.ended == "interrupted" and (early or fleet.run.ends != "never"):
@@ -58,7 +58,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> RunResult:
-    """Run a fleet to its end; raises BadInput when it cannot begin: a taken port or file, a bad name."""
+    """Run a fleet to its end; raises BadInput if it cannot start: a port or file in use, a bad name."""
     started = datetime.now().astimezone().isoformat(timespec="seconds")
     entry = FleetInstance(
         fleet=fleet.name,
@@ -123,13 +123,13 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
 
 
 def _size(plan: Sequence[ProcessSpec]) -> str:
-    """How many processes, and how many nodes if some share one."""
+    """Return the number of processes, and of nodes if some share one."""
     nodes = sum(len(each.nodes) for each in plan)
     return f"{len(plan)} processes" + (f" with {nodes} nodes" if nodes > len(plan) else "")
 
 
 async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome:
-    """Run; SIGINT, SIGTERM and SIGHUP end the fleet, a second one at once."""
+    """Run the fleet; SIGINT, SIGTERM or SIGHUP stops it, a second one kills it."""
 
     def interrupt() -> None:
         screen.print_line("stopping; press Ctrl-C again to kill")
@@ -180,7 +180,7 @@ def _write_report(
 
 
 def reason_unmeasured(outcome: Outcome, folder: Path) -> str:
-    """Why a run whose grader did not fail has no measurements; empty where the grader is the reason."""
+    """Return why a run has no measurements although its grader did not fail; empty if the grader is the reason."""
     failed = outcome.failed_on_stop or outcome.reason.startswith("grader ")
     if failed or outcome.ended == "graded" or (folder / MEASUREMENTS_FILE).exists():
         return ""

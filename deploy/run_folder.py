@@ -23,22 +23,22 @@ from services.square import LOG_FILE
 
 RECORDING_FILE = "run.rrd"
 BAG_FOLDER = "bag"
-"""The recorder's folder in the folder of the run."""
+"""The recorder's folder within that of the run."""
 METADATA_FILE = "metadata.yaml"
 STATE_FILE = "processes.json"
 STOPS_FILE = "stops.json"
-"""The simulation's file of emergency stops, which outlive it. A new run begins without any."""
+"""The simulation's file of emergency stops, so that they survive its restart. A new run begins without any."""
 SCHEDULE_FILE = "schedule.json"
-"""Which scheduled parameter changes of the run were made, for a restart of its parameter service."""
+"""The scheduled parameter changes that were made, for a restart of the run's parameter service."""
 ROSPARAM_FILE = "rosparam.json"
-"""The tree of ROS 1's parameters at the start of the run."""
+"""The initial tree of ROS 1 parameters of the run."""
 CONTAINERS_FOLDER = "containers"
-"""By process that several nodes share, a file with the command line of each."""
+"""A file with the command lines of its nodes for each process that several nodes share."""
 SUPERVISOR_LOG = "supervisor.log"
-"""The log of a supervisor in the background, in the folder of the run."""
+"""The log of a supervisor in the background, in the run's folder."""
 
 MIN_FREE_BYTES = 1 << 20
-"""Bytes that a run needs at least: logs, figures, report and picture."""
+"""Disk space [bytes] that a run needs at least: logs, figures, report and picture."""
 
 _FILES = (
     MEASUREMENTS_FILE,
@@ -55,11 +55,11 @@ _FILES = (
 
 
 def make_run_folder(fleet: str, report: str = "", runs: str = "", now: datetime | None = None) -> Path:
-    """The folder of a new run; raises BadInput when it cannot be written.
+    """Create the folder of a new run; raises BadInput if it cannot be written.
 
-    It is ``report``, or else ``<time>-<fleet>`` in ``runs``, or in the user's folder of runs when that is not given.
-    The files of an earlier run in ``report`` are removed, so that they are not mistaken for this run's. Links are not
-    followed: other users may be able to write in that folder.
+    It is ``report`` if given, else ``<time>-<fleet>`` in ``runs``, by default in the user's folder of runs. Files of an
+    earlier run in ``report`` are removed, so that they are not mistaken for this run's. Links are not followed: other
+    users may be able to write in that folder.
     """
     moment = f"{now or datetime.now():%Y%m%d-%H%M%S}-{fleet}"
     path = Path(report).absolute() if report else _unused((Path(runs).absolute() if runs else runs_folder()) / moment)
@@ -85,7 +85,9 @@ def make_run_folder(fleet: str, report: str = "", runs: str = "", now: datetime 
 
 
 def check_free_space(path: Path) -> None:
-    """Raise OSError when the folder does not take ROOM bytes, as on a full disk, where an empty file can be made."""
+    """Raise OSError if MIN_FREE_BYTES cannot be written, as on a full disk, which still allows
+    creating an empty file.
+    """
     with tempfile.TemporaryFile(dir=path, buffering=0) as file:
         written = 0
         while written < MIN_FREE_BYTES:
@@ -93,7 +95,7 @@ def check_free_space(path: Path) -> None:
 
 
 def latest_run_folder() -> Path | None:
-    """The folder of the run that was started last, by this user or in the folder of runs; None when there is none."""
+    """Return the folder of the run that this user started last; None if there is none."""
     entry = latest()
     claimed = [Path(entry.folder)] if entry is not None else []
     folders = [each for each in (*claimed, *runs_folder().glob("*")) if (each / "logs").is_dir()]
@@ -101,16 +103,16 @@ def latest_run_folder() -> Path | None:
 
 
 def write_state(path: Path, state: FleetState) -> None:
-    """Put the fleet's state beside the logs, whole or not at all; a full disk only makes it old.
+    """Write the fleet's state next to the logs, atomically; on a full disk the old state stays.
 
-    It is not forced onto the disk: after a power failure no fleet runs.
+    It is not synced to the disk: after a power failure no fleet runs.
     """
     with suppress(OSError):
         write_atomic(path / STATE_FILE, msgspec.json.encode(state))
 
 
 def read_state(path: Path) -> FleetState | None:
-    """The state that a supervisor left in a run's folder."""
+    """Return the state that a supervisor wrote to a run's folder; None if it is missing or unreadable."""
     try:
         return msgspec.json.decode((path / STATE_FILE).read_bytes(), type=FleetState)
     except (OSError, *DECODE_ERRORS):
@@ -118,7 +120,7 @@ def read_state(path: Path) -> FleetState | None:
 
 
 def _unused(path: Path) -> Path:
-    """Two runs of one second get different folders."""
+    """Return the path, with a number appended if it exists: runs of the same second get different folders."""
     number, candidate = 1, path
     while candidate.exists():
         number += 1

@@ -1,4 +1,4 @@
-"""The parameters that each service gets from its fleet, those of arms included."""
+"""The parameters that each service gets from its fleet, including those of arms."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ from services.sim.parameters import BaseParameters, JointParameters
 from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
 UNLIMITED_NM = 1e9
-"""N m; the effort at which the controller of an arm counts as saturated whose joint states no limit."""
+"""Effort [N m] at which an arm's controller counts as saturated if its joint has no limit."""
 CHANGE_MARGIN_S = 1.0
-"""Minimum time [s] from the last scheduled change to an end by goals, so that its effect is measured."""
+"""Minimum time [s] between the last scheduled change and an end by goals, so that its effect is measured."""
 
 
 def is_arm(robot: RobotConfig) -> bool:
-    """Whether a robot is an arm: it has no base that drives, and a joint with limits."""
+    """Return whether a robot is an arm: it has no driving base, but a joint with limits."""
     return not read_model(robot.model).has_base and bool(_limited_joints(robot))
 
 
 def controlled_joint(robot: RobotConfig) -> str:
-    """The joint of an arm that is controlled: the first that has a range, from its root on."""
+    """Return the controlled joint of an arm: the first with a range, from the root on."""
     return next(iter(_limited_joints(robot)))
 
 
 def arm_parameters(kind: str, fleet: Fleet, robot: RobotConfig | None) -> dict[str, Any]:
-    """The parameters of an arm's controller or reference; outside any robot, those of the fleet's only arm."""
+    """Return the parameters of an arm's controller or reference; without a robot, for the fleet's only arm."""
     if kind not in ("arm", "reference"):
         return {}
     arms = [each for each in fleet.robot if is_arm(each)]
@@ -71,12 +71,12 @@ def arm_parameters(kind: str, fleet: Fleet, robot: RobotConfig | None) -> dict[s
 
 
 def state_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
-    """The parameters of a robot's service ``state``: its frames are those of its robot."""
+    """Return the parameters of a robot's service ``state``: the prefix of its frames."""
     return {"frame_prefix": robot_frame_prefix(robot)} if kind == "state" and robot is not None else {}
 
 
 def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
-    """The arms of a fleet as the grader knows them: those with a reference, or not left to a controller manager."""
+    """Return the grader's arms: those with a reference, or not driven by a controller manager."""
     return [
         _referred_arm(each, each.reference) if each.reference is not None else _grader_arm(fleet, each)
         for each in fleet.robot
@@ -85,7 +85,7 @@ def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
 
 
 def referred_joint(robot: RobotConfig, reference: ReferenceConfig) -> str:
-    """The joint that a set-point is for; raises BadInput."""
+    """Return the joint of a set-point; raises BadInput."""
     joints = _limited_joints(robot)
     if not is_arm(robot) or not joints:
         raise BadInput(f"{robot.name} is not an arm: a reference is the set-point of a joint that has a range")
@@ -95,7 +95,7 @@ def referred_joint(robot: RobotConfig, reference: ReferenceConfig) -> str:
 
 
 def reference_topic(robot: RobotConfig, reference: ReferenceConfig) -> str:
-    """The absolute name of a set-point's topic."""
+    """Return the absolute name of a set-point's topic."""
     absolute = reference.topic.startswith("/")
     return reference.topic if absolute else join(robot_namespace(robot), reference.topic)
 
@@ -118,18 +118,18 @@ def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
 
 
 def _own_services(fleet: Fleet, robot: RobotConfig) -> tuple[ServiceConfig, ...]:
-    """The services in the namespace of a robot."""
+    """Return the services in the namespace of a robot."""
     return (*robot.services, *(each for _, each in fleet.shared_services(robot)))
 
 
 def control_state_topics(fleet: Fleet) -> list[str]:
-    """For each robot, the topic of its joint controller's state; empty if it is not an arm."""
+    """Return the topic of the joint controller's state for each robot; empty if it is not an arm."""
     arms = {each["name"]: each["state"] for each in grader_arms(fleet)}
     return [arms.get(each.name, "") for each in fleet.robot]
 
 
 def earliest_end(fleet: Fleet) -> float:
-    """The earliest end of the run by goals [s]."""
+    """Return the earliest simulation time [s] at which goals may end the run."""
     return max((each.at + CHANGE_MARGIN_S for each in fleet.change), default=0.0)
 
 
@@ -145,7 +145,7 @@ def _grader_arm(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
 
 
 def _limited_joints(robot: RobotConfig) -> dict[str, tuple[float, float]]:
-    """The joints of a robot that have a range, rad."""
+    """Return the revolute joints of a robot that have a range, rad."""
     limits = read_joint_limits(robot.model).items()
     return {
         name: (each.lower, each.upper)
@@ -162,12 +162,12 @@ OBSERVER_SERVICES = ("panel",)
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """Options of the command line beside the fleet file: result folder, network, viewer, and the report's picture.
+    """Options of the command line besides the fleet file: result folder, network, viewer, and the report's picture.
 
-    ``saved`` is the file of saved parameters; without one, changes last for the run only. The router joins those at
-    ``links``, and also listens at ``listen``; ``insecure`` allows addresses that other machines can reach.
-    ``overrides`` are the keys of the fleet file that were changed, for the report. ``tcp_port`` replaces the fleet's
-    port for a fleet that uses TCP.
+    ``saved`` is the file of saved parameters; without one, changes last for the run only. The router connects to those
+    at ``links``, and also listens at ``listen``; ``insecure`` allows addresses that other machines can reach.
+    ``overrides`` are the overridden keys of the fleet file, for the report. ``tcp_port`` replaces the fleet's port for
+    a fleet that uses TCP.
     """
 
     folder: Path
@@ -183,18 +183,18 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def has_rosparam(fleet: Fleet) -> bool:
-    """Whether a fleet begins with parameters of ROS 1."""
+    """Return whether a fleet has ROS 1 parameters or scripts."""
     members = (*fleet.service, *fleet.every_robot, *(each for robot in fleet.robot for each in robot.services))
     return bool(fleet.rosparam) or any(is_script(each.kind) for each in members)
 
 
 def fleet_endpoint(fleet: Fleet) -> str:
-    """The endpoint of the fleet's router for the processes of this user."""
+    """Return the endpoint of the fleet's router for this user's processes."""
     return router_endpoint(fleet.run.port)
 
 
 def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
-    """The further endpoints of the fleet's router."""
+    """Return the additional endpoints of the fleet's router."""
     own = (f"tcp/127.0.0.1:{options.tcp_port or fleet.run.port}",) if fleet.run.tcp else ()
     return (*own, *(each for each in options.listen if each not in own))
 
@@ -202,8 +202,9 @@ def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
 class NodeGroups(msgspec.Struct, frozen=True, kw_only=True):
     """The nodes of a fleet by role.
 
-    Lockstep waits for ``members`` at each tick. Time waits for ``awaits`` to begin, and does not begin without
-    ``requires``. Turtles are those of ``turtlesims``. Messages that ``readers`` lose count as losses of the run.
+    Lockstep waits for ``members`` at each tick. Simulation time waits for ``awaits`` before it begins, and does not
+    begin without ``requires``. ``turtlesims`` are the nodes that simulate turtles. Messages that ``readers`` lose count
+    as losses of the run.
     """
 
     members: tuple[str, ...] = ()
@@ -214,7 +215,7 @@ class NodeGroups(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: NodeGroups) -> dict[str, Any]:
-    """The parameters that a service gets from the fleet; its own table in the fleet file wins over them."""
+    """Return the parameters that a service gets from the fleet; its own table in the fleet file overrides them."""
     run, robots = fleet.run, fleet.robot
     match kind:
         case "router":
@@ -268,7 +269,8 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "frame_prefixes": [robot_frame_prefix(each) for each in robots],
                 "models": [each.model for each in robots] or ["burger"],
                 "states": control_state_topics(fleet),
-                # In lockstep all wait for the simulation, which in lab needs a tenth more CPU for its lasers.
+                # In lockstep all nodes wait for the simulation, which needs a tenth more CPU in lab to publish its
+                # laser scans.
                 "scans": run.mode != "lockstep",
                 "file": str(options.folder / RECORDING_FILE),
                 **_live_view_port(run.port),
@@ -283,7 +285,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
 
 
 def _live_view_port(router: int) -> dict[str, int]:
-    """The port of the live view, offset from the default like the router's, so that two fleets have two."""
+    """Return the port of the live view, offset from the default like the router's, so that two fleets differ."""
     port = LoggerParameters().port + router - PORT
     return {"port": port} if router != PORT and 1024 <= port <= 65535 else {}
 
@@ -304,7 +306,9 @@ def _sim_robot(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
 
 
 def odometry_counts_from_start(robot: RobotConfig) -> bool:
-    """Whether the odometry of a robot is 0 at its start; else it begins at the robot's pose in the world."""
+    """Return whether the odometry of a robot is 0 at its start; otherwise it begins at the robot's
+    pose in the world.
+    """
     model = read_model(robot.model)
     if model.wheels is None:
         return False
@@ -313,18 +317,18 @@ def odometry_counts_from_start(robot: RobotConfig) -> bool:
 
 
 def robot_parameter_set(robot: RobotConfig) -> str:
-    """The set of a robot in the simulation: of its base, or of its joints."""
+    """Return the parameter set of a robot in the simulation: that of its base or joints."""
     return join(robot_namespace(robot), "base" if read_model(robot.model).has_base else "joints")
 
 
 def robot_parameters_type(model: str) -> type[Parameters]:
-    """The parameter record of a robot of this model."""
+    """Return the parameter record of a robot of this model."""
     return BaseParameters if read_model(model).has_base else JointParameters
 
 
 def _size_spec(robot: RobotConfig) -> dict[str, Any]:
-    """The space that a robot occupies; without a top if its URDF does not give its height."""
-    from models.extents import vertical_extent  # numpy and decoders of meshes, which a command line alone never needs
+    """Return the space that a robot occupies; without a top if its URDF does not give its height."""
+    from models.extents import vertical_extent  # imports numpy and mesh decoders, which a plain command never needs
 
     bottom, top = vertical_extent(robot.model)
     size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
@@ -332,6 +336,6 @@ def _size_spec(robot: RobotConfig) -> dict[str, Any]:
 
 
 def _braking_spec(robot: RobotConfig) -> dict[str, Any]:
-    """The braking of a robot's base after its last command, from its parameters or its model."""
+    """Return the braking of a robot's base after its last command, from its parameters or its model."""
     base = robot_config(robot.model, build(BaseParameters, robot.parameters)).parameters
     return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake}

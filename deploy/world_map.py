@@ -1,4 +1,4 @@
-"""A world as seen from above, as the cells of an occupancy map."""
+"""Converts a world, seen from above, to the cells of an occupancy map."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from models.shape_mesh import placed, shape_mesh
 from services.markers.footprint import convex_hull
 
 MARGIN = 0.5
-"""m of free ground around the outermost body."""
+"""Free ground [m] around the outermost body."""
 STEP_HEIGHT = 0.05
-"""m; what is lower is not an obstacle on the map."""
+"""Height [m] below which bodies are not obstacles on the map."""
 
 Floats = NDArray[np.float64]
 
 
 class WorldMap(NamedTuple):
-    """Which cells are ``occupied``, shape (rows from the top, columns), and where the lower left corner lies [m]."""
+    """The ``occupied`` cells, shape (rows from the top, columns), and the position of the lower left corner [m]."""
 
     occupied: NDArray[np.bool_]
     resolution: float
@@ -32,7 +32,7 @@ class WorldMap(NamedTuple):
 
 
 def world_map(world: WorldDescription, resolution: float, height: float) -> WorldMap:
-    """The map of a world: a cell is occupied where something solid reaches between STEP_HEIGHT and ``height``.
+    """Return the map of a world: a cell is occupied if something solid is between STEP_HEIGHT and ``height``.
 
     Bodies that move by themselves are left out, and so is the ground that robots drive on: ramps and height maps.
 
@@ -61,8 +61,9 @@ def world_map(world: WorldDescription, resolution: float, height: float) -> Worl
 
 
 def _fill(cells: NDArray[np.bool_], outline: Floats) -> None:
-    """Fill a convex polygon, its corners in cells from the lower left: those cells whose middle lies in it, and those
-    on its lines where it is thinner than a cell."""
+    """Fill a convex polygon with corners in cells from the lower left: cells whose centre is inside, and those on its
+    edges where it is thinner than a cell.
+    """
     first = np.maximum(np.floor(outline.min(axis=0) - 1e-9).astype(int), 0)
     last = np.minimum(np.ceil(outline.max(axis=0)).astype(int) + 1, cells.shape[::-1])
     x, y = np.arange(first[0], last[0]) + 0.5, (np.arange(first[1], last[1]) + 0.5)[:, None]
@@ -83,7 +84,7 @@ def _fill(cells: NDArray[np.bool_], outline: Floats) -> None:
 
 
 def _outlines(world: WorldDescription, low: float, high: float) -> Iterator[Floats]:
-    """Convex areas, shape (n, 2) [m], that are covered between two heights."""
+    """Yield the convex areas, shape (n, 2) [m], that are covered between two heights."""
     for body in world.all_bodies:
         if body.kind == "moving":
             continue
@@ -98,7 +99,7 @@ def _is_convex(part: BodyPart, movable: bool) -> bool:
 
 
 def _slices(mesh: Mesh, convex: bool, low: float, high: float) -> Iterator[Floats]:
-    """What a mesh covers between two heights: one area of a convex one, that of each triangle of another."""
+    """Yield the areas that a mesh covers between two heights: one for a convex mesh, one per triangle for others."""
     triangles = mesh.vertices[mesh.triangles]
     heights = triangles[:, :, 2]
     triangles = triangles[(heights.max(axis=1) >= low) & (heights.min(axis=1) <= high)]
@@ -115,7 +116,7 @@ def _slices(mesh: Mesh, convex: bool, low: float, high: float) -> Iterator[Float
 
 
 def _clipped(triangle: Floats, low: float, high: float) -> Floats:
-    """The corners, seen from above, of the part of a triangle between two heights."""
+    """Return the corners, seen from above, of the part of a triangle between two heights."""
     points = [corner for corner in triangle if low <= corner[2] <= high]
     for start, end in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
         for level in (low, high):

@@ -1,4 +1,4 @@
-"""The middleware against raw floors, measured in turn in the same run: only ratios hold on a machine that is shared."""
+"""Benchmarks of the middleware against raw baselines, in turn in the same run: on a shared machine only ratios hold."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from pathlib import Path
 from deploy.bench.figures import Figure
 
 PARTS = ("wire", "lockstep", "idle", "ros1", "scale", "tests")
-"""What is measured: messages, ``lab`` in lockstep, an idle fleet, programs of ROS 1, ``swarm`` at several sizes, and
-what the tests measure."""
+"""The parts of the benchmark: messages, ``lab`` in lockstep, an idle fleet, ROS 1 programs, ``swarm`` at several sizes,
+and the measuring tests.
+"""
 DEFAULT_SIZES = (4, 16)
-"""Robots of ``swarm`` in a run of everything; each of the larger sizes takes minutes."""
+"""Numbers of robots of ``swarm`` in a full run; each larger size takes minutes."""
 
 
 def bench(rounds: int, as_json: bool, only: Collection[str] = (), sizes: Sequence[int] = ()) -> int:
-    """Measure and show it; status 1 when a bound is missed or a test that measures fails.
+    """Measure and print the figures; return 1 if a bound is missed or a measuring test fails.
 
     Args:
-        rounds: How often each is measured.
+        rounds: How often to measure each figure.
         as_json: Whether to print JSON.
-        only: Of ``PARTS``; all if empty.
-        sizes: Numbers of robots of ``swarm``; DEFAULT_SIZES if empty, all where ``scale`` is named.
+        only: Parts of ``PARTS``; all if empty.
+        sizes: Numbers of robots of ``swarm``; DEFAULT_SIZES if empty, or all sizes if ``scale`` is named.
     """
     from deploy.bench.figures import run_bench_tests
 
@@ -37,7 +38,7 @@ def bench(rounds: int, as_json: bool, only: Collection[str] = (), sizes: Sequenc
 
 
 def measure(rounds: int, only: Collection[str] = (), sizes: Sequence[int] = ()) -> list[Figure]:
-    """Every figure that sets the middleware against a raw floor, and the cost of an idle fleet."""
+    """Return every figure of the middleware relative to a raw baseline, and the cost of an idle fleet."""
     from deploy.bench import fleet, lockstep, ros1, scale, wire
     from services.runtime.ports import free_port
 
@@ -59,7 +60,7 @@ def measure(rounds: int, only: Collection[str] = (), sizes: Sequence[int] = ()) 
 
 
 def report(figures: list[Figure], as_json: bool) -> int:
-    """Print the figures; status 1 when one misses its bound."""
+    """Print the figures; return 1 if one misses its bound."""
     if as_json:
         sys.stdout.write(json.dumps({each.name: _row(each) for each in figures}, indent=2) + "\n")
     else:

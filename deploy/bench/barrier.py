@@ -1,4 +1,4 @@
-"""A bare barrier: plain Zenoh sessions that only step with a loop, the minimum cost of lockstep."""
+"""A bare barrier, the minimum cost of lockstep: plain Zenoh sessions that only step in time with a loop."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from deploy.bench.peer import RAW_GRANT, RAW_REPORT, raw_session
 from services.runtime.transport.unix_sockets import router_in
 
 _GRANT = bytes(64)
-"""The size of a step grant with a few numbers."""
+"""Size [bytes] of a step grant with a few numbers."""
 _BEGIN_S = 20.0
-"""Wall time [s] in which all members must subscribe."""
+"""Wall time [s] for all members to subscribe."""
 _SETTLE_S = 1.0
 """Wall time [s] for the links of a new session, which is visible before they are complete."""
 
 
 class RawBarrier:
-    """Members by the number of physics steps between two of theirs; each steps while the physics does."""
+    """A barrier; each member is given by the number of physics steps between two of its own."""
 
     def __init__(self, session: zenoh.Session, strides: Sequence[int]) -> None:
         block = zenoh.CongestionControl.BLOCK
@@ -37,7 +37,7 @@ class RawBarrier:
         self._pending: set[int] = set()
 
     def begin(self) -> None:
-        """Block until all members listen; raises TimeoutError."""
+        """Block until all members have subscribed; raises TimeoutError."""
         deadline = time.monotonic() + _BEGIN_S
         while not all(getattr(each.matching_status, "matching", False) for each in self._grants):
             if time.monotonic() > deadline:
@@ -46,7 +46,7 @@ class RawBarrier:
         time.sleep(_SETTLE_S)
 
     def hold(self, step: int) -> None:
-        """Wait for those that are due at this step, and let them go on."""
+        """Wait for the members due at this step, and let them continue."""
         due = [number for number, stride in enumerate(self._strides) if step % stride == 0]
         while not self._pending.isdisjoint(due):
             self._recv_report()
@@ -60,7 +60,7 @@ class RawBarrier:
             self._recv_report()
 
     def end(self) -> None:
-        """Let the members go."""
+        """Stop the members."""
         for each in self._grants:
             each.put(b"")
 
@@ -70,7 +70,7 @@ class RawBarrier:
 
 @contextmanager
 def raw_barrier(strides: Sequence[int]) -> Iterator[RawBarrier]:
-    """A router, a process for each member, and this side of the barrier."""
+    """Start a router and a process for each member; yield this side of the barrier."""
     with tempfile.TemporaryDirectory() as folder:
         yield from _run_barrier(strides, router_in(Path(folder)))
 

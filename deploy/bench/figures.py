@@ -1,4 +1,4 @@
-"""The figures of a benchmark, and those that the tests marked ``bench`` measure."""
+"""The figures of a benchmark, including those measured by tests marked ``bench``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from services.runtime.process import ROOT
 
 @dataclass(frozen=True)
 class Figure:
-    """A measured figure: its name in ``--json``, unit, text, the value of each round, and the bound it is to keep."""
+    """A measured figure: its name in ``--json``, unit, text, the value of each round, and its bound."""
 
     name: str
     unit: str
@@ -32,30 +32,30 @@ class Figure:
 
     @property
     def bound(self) -> str:
-        """The bound as it is shown."""
+        """The bound as shown."""
         if self.at_most is not None:
             return f"at most {self.at_most:g}"
         return f"at least {self.at_least:g}" if self.at_least is not None else ""
 
     @property
     def ok(self) -> bool:
-        """Whether the median keeps the bound."""
+        """Whether the median satisfies the bound."""
         return (self.at_most is None or self.median <= self.at_most) and (
             self.at_least is None or self.median >= self.at_least
         )
 
 
 def ratios(ours: list[float], floor: list[float]) -> tuple[float, ...]:
-    """Ours over the floor, round by round: both ran one after the other, under the same load."""
+    """Return ours over the baseline, round by round: both ran one after the other, under the same load."""
     return tuple(a / b for a, b in zip(ours, floor, strict=True))
 
 
 FIGURE_PROPERTY = "figure"
-"""Name of the property of a test's result that holds a figure as JSON."""
+"""Name of the property of a test result that holds a figure as JSON."""
 
 
 def run_bench_tests(folder: Path, say: Callable[[str], None]) -> tuple[list[Figure], bool]:
-    """Run the tests marked ``bench``, one after the other; their figures, and whether all passed."""
+    """Run the tests marked ``bench`` one by one; return their figures, and whether all passed."""
     say("tests that measure: help, panel, page, supervisor")
     results = folder / "results.xml"
     command = [sys.executable, "-P", "-m", "pytest", "-n", "0", "-m", "bench"]
@@ -65,7 +65,7 @@ def run_bench_tests(folder: Path, say: Callable[[str], None]) -> tuple[list[Figu
 
 
 def read_figures(results: Path) -> list[Figure]:
-    """The figures in a file of results that pytest wrote in the format of JUnit."""
+    """Return the figures in a JUnit result file of pytest."""
     found = ElementTree.parse(results).iter("property")
     values = [json.loads(each.attrib["value"]) for each in found if each.get("name") == FIGURE_PROPERTY]
     return [Figure(**{**each, "rounds": tuple(each["rounds"])}) for each in values]

@@ -1,4 +1,4 @@
-"""A fleet under the benchmark: started as by a user, observed by a node; and its cost while nothing moves."""
+"""A fleet under test: started as by a user, observed by a node; and its idle cost."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from services.runtime.node import Node
 from services.runtime.transport.unix_sockets import router_endpoint
 
 WATCHED_ROBOT = "tb3_0"
-"""The robot by which the bench follows a run."""
+"""The robot by which the benchmark follows a run."""
 START_TIMEOUT_S = 60.0
-"""Wall time in which a fleet must have begun to move."""
+"""Wall time for a fleet to begin to move."""
 
 
 class BenchFleet:
-    """``elea up NAME …`` in a process of its own, its results in ``folder``."""
+    """Runs ``elea up NAME …`` in its own process, with results in ``folder``."""
 
     def __init__(self, name: str, folder: Path, port: int, *options: str) -> None:
         self._command = [sys.executable, "-P", "-m", "deploy", "up", name, "--report", str(folder), "--port", str(port)]
@@ -49,19 +49,19 @@ class BenchFleet:
         self._process.wait(60)
 
     def finish(self) -> dict[str, Any]:
-        """Wait for the end of the run; its report."""
+        """Wait for the end of the run; return its report."""
         self._process.wait(600)
         report: dict[str, Any] = json.loads((self.folder / "report.json").read_text())
         return report
 
     def services(self) -> dict[str, psutil.Process]:
-        """The service processes by name."""
+        """Return the service processes by name."""
         state = json.loads((self.folder / "processes.json").read_text())
         return {each["name"]: psutil.Process(each["pid"]) for each in state["processes"] if each["pid"]}
 
 
 class FleetWatcher:
-    """Observes a running fleet by one topic of 5 Hz only, so as not to burden it."""
+    """Observes a running fleet by a single topic of 5 Hz, so as not to burden it."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -76,13 +76,13 @@ class FleetWatcher:
             self.now = self._status.messages[-1][0].header.stamp.ns / 1e9
 
     def wait_until(self, seconds: float) -> float:
-        """Watch until simulation time ``seconds``; the wall-clock time then."""
+        """Wait until simulation time ``seconds``; return the wall-clock time."""
         while self.now < seconds:
             self.spin_once()
         return time.perf_counter()
 
     def wait_for_motion(self, within: float = START_TIMEOUT_S) -> float:
-        """Watch until the robot moves; the wall-clock time then."""
+        """Wait until the robot moves; return the wall-clock time."""
         truth = self.node.subscribe(GROUND_TRUTH, f"/{WATCHED_ROBOT}/ground_truth")
         deadline = time.perf_counter() + within
         try:
@@ -98,7 +98,7 @@ class FleetWatcher:
         raise TimeoutError(f"no robot moved within {within} s")
 
     def record_commands(self, robots: Mapping[str, Topic[Message]], seconds: float) -> dict[str, list[Any]]:
-        """The messages on each robot's topic until simulation time ``seconds``."""
+        """Return the messages on each robot's topic until simulation time ``seconds``."""
         sources = {name: self.node.subscribe(topic, f"/{name}/{topic.name}") for name, topic in robots.items()}
         received: dict[str, list[Any]] = {name: [] for name in robots}
         while self.now < seconds:
@@ -110,7 +110,7 @@ class FleetWatcher:
 
 @contextmanager
 def watch_fleet(fleet: BenchFleet) -> Iterator[FleetWatcher]:
-    """A node in the fleet's network."""
+    """Join the fleet's network as a node."""
     with bench_node(fleet.endpoint) as node:
         yield FleetWatcher(node)
 
@@ -122,7 +122,7 @@ FROM_S, TO_S = 3.0, 8.0
 
 
 def measure_idle(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
-    """The fleet IDLE_FLEET in real time."""
+    """Measure the fleet ``bare`` in real time, standing still."""
     cpu: dict[str, list[float]] = {}
     memory: dict[str, list[float]] = {}
     for number in range(rounds):

@@ -29,45 +29,45 @@ from services.sim.parameters import BaseParameters
 from services.sim.physics.world import Body, Motor
 
 FLEET = "lab"
-"""The name or the file of the fleet that is measured; it has a robot on wheels by the name of WATCHED_ROBOT."""
+"""Name or file of the measured fleet; it has a wheeled robot named WATCHED_ROBOT."""
 
 
 class Span(NamedTuple):
-    """The simulation time that is timed, s."""
+    """The measured span of simulation time [s]."""
 
     begin: float
     end: float
 
     @property
     def steps(self) -> range:
-        """The same in physics steps."""
+        """The span in physics steps."""
         return range(*(round(seconds * 1e9 / STEP_NS) for seconds in self))
 
     @property
     def length(self) -> float:
-        """In s."""
+        """The length of the span [s]."""
         return self.end - self.begin
 
 
 class ActuatorSchedule(NamedTuple):
-    """Wheel speeds [rad/s] to set, by physics step, and the efforts [N m] on joints at every step, one for each."""
+    """Wheel speeds [rad/s] by physics step, and the joint efforts [N m] for every step."""
 
     speeds: dict[int, list[tuple[str, tuple[float, float]]]]
     efforts: dict[str, list[dict[str, float]]]
 
 
 def fleet_robots() -> tuple[RobotConfig, ...]:
-    """The robots of the fleet."""
+    """Return the robots of the fleet."""
     return read_fleet(find_fleet(FLEET)).robot
 
 
 def has_wheels(robot: RobotConfig) -> bool:
-    """Whether a robot has wheels."""
+    """Return whether a robot has wheels."""
     return read_model(robot.model).has_base
 
 
 def wheel_motors(robot: RobotConfig) -> tuple[Motor, ...]:
-    """The motors of a robot's wheels."""
+    """Return the motors of a robot's wheels."""
     if not has_wheels(robot):
         return ()
     settings = drive_settings(robot)
@@ -75,16 +75,16 @@ def wheel_motors(robot: RobotConfig) -> tuple[Motor, ...]:
 
 
 def drive_settings(robot: RobotConfig) -> DriveConfig:
-    """The drive of a robot."""
+    """Return the drive settings of a robot."""
     settings = robot_config(robot.model, build(BaseParameters, robot.parameters)).drive_config
     assert settings is not None
     return settings
 
 
 def build_schedule(commands: dict[str, list[Any]], span: Span) -> ActuatorSchedule:
-    """The wheel speeds of the commands, computed beforehand: so that the raw loop does nothing but physics.
+    """Compute the wheel speeds of the commands in advance, so that the raw loop contains only physics.
 
-    A controller commands evenly, so its commands up to the end of the span are spread over the steps up to there.
+    A controller publishes evenly, so its commands up to the end of the span are spread over the steps up to there.
     """
     last = span.steps.stop
     steps: dict[int, list[tuple[str, tuple[float, float]]]] = {}
@@ -105,7 +105,9 @@ def build_schedule(commands: dict[str, list[Any]], span: Span) -> ActuatorSchedu
 
 
 def raw_factor(steps: ActuatorSchedule, span: Span, hold: Callable[[int], None] | None = None) -> float:
-    """Simulated seconds per wall-clock second of the raw loop; ``hold`` is called with the number of each step."""
+    """Return simulated seconds per wall-clock second of the raw loop; ``hold`` is called with the
+    number of each step.
+    """
     engine = read_fleet(find_fleet(FLEET)).run.engine or default_engine()
     with open_world(engine, read_world("empty"), STEP_NS) as world:
         for robot in fleet_robots():
@@ -130,8 +132,8 @@ SPAN = Span(2.0, 42.0)
 
 
 class RecordedRun(NamedTuple):
-    """The untimed data of a run: the commands by robot, the same in every run, and for each lockstep member
-    the physics steps between two of its own.
+    """Untimed data of a run: the commands by robot, the same in every run, and for each lockstep member the physics
+    steps between two of its steps.
     """
 
     commands: dict[str, list[Any]]
@@ -139,8 +141,8 @@ class RecordedRun(NamedTuple):
 
 
 class TimedRun(NamedTuple):
-    """A timed run: simulated per wall-clock second, seconds to the first motion, and the CPU time [ms] that each
-    service takes for a second of simulation.
+    """A timed run: simulated per wall-clock second, seconds to the first motion, and the CPU time [ms] of each service
+    per second of simulation.
     """
 
     factor: float
@@ -149,7 +151,7 @@ class TimedRun(NamedTuple):
 
 
 def record_run(port: int, span: Span) -> RecordedRun:
-    """Watch a run up to the end of the span."""
+    """Record a run up to the end of the span."""
     with _started_fleet(port, span) as fleet, watch_fleet(fleet) as watch:
         wanted = {each.name: CMD_VEL if has_wheels(each) else JOINT_EFFORT for each in fleet_robots()}
         commands = watch.record_commands(wanted, span.end)
@@ -158,7 +160,7 @@ def record_run(port: int, span: Span) -> RecordedRun:
 
 
 def time_run(port: int, span: Span) -> TimedRun:
-    """The fleet, in lockstep."""
+    """Time the fleet in lockstep."""
     with _started_fleet(port, span) as fleet, watch_fleet(fleet) as watch:
         moved = watch.wait_for_motion()
         begun, first = watch.wait_until(span.begin), watch.now
@@ -184,7 +186,7 @@ def _started_fleet(port: int, span: Span) -> Iterator[BenchFleet]:
 
 
 def measure_lockstep(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
-    """Lockstep, the raw loop, and the raw loop behind a bare barrier, in turn."""
+    """Measure lockstep, the raw loop, and the raw loop behind a bare barrier, in turn."""
     raw: list[float] = []
     behind: list[float] = []
     runs: list[TimedRun] = []

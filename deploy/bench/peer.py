@@ -1,8 +1,8 @@
-"""The other end of the wire measurements, a process of its own: ``python -m deploy.bench.peer KIND``.
+"""The other end of the wire measurements, in its own process: ``python -m deploy.bench.peer KIND``.
 
-``typed`` is a service of the runtime that answers each Odometry with an Odometry, ``drive`` one with a command; ``raw``
-answers bytes with bytes on a plain Zenoh session of the same configuration. ``typed`` and ``raw`` can also flood the
-measuring side. ``member`` takes part in a bare barrier: it answers each leave on its own key, and does nothing else.
+``typed`` is a service of the runtime that answers each Odometry with an Odometry, ``drive`` one that answers with a
+command; ``raw`` answers bytes with bytes on a plain Zenoh session of the same configuration. ``typed`` and ``raw`` can
+also flood the measuring side. ``member`` takes part in a bare barrier: it only answers each grant on its own key.
 """
 
 from __future__ import annotations
@@ -38,16 +38,17 @@ FLOOD = Topic("/bench/flood", Odometry, 0, Quality.EVENT, "measured throughput")
 SCANS = Topic("/bench/scans", LaserScan, 0, Quality.EVENT, "measured throughput of scans")
 RAW_PING, RAW_PONG, RAW_FLOOD = "bench_raw/ping", "bench_raw/pong", "bench_raw/flood"
 RAW_GRANT, RAW_REPORT = "bench_raw/go", "bench_raw/done"
-"""Each followed by the number of a member."""
+"""Key prefixes, followed by the number of a member."""
 
 FLOOD_OFFSET_SEC = 1_000_000
-"""A ping whose stamp's seconds are this much or more asks for a flood of (seconds - COUNT_IN_SEC) messages: of scans
-where its ``child_frame_id`` is OF_SCANS."""
+"""A ping whose stamp has at least this many seconds requests a flood of (seconds - FLOOD_OFFSET_SEC) messages: of scans
+if its ``child_frame_id`` is FLOOD_OF_SCANS.
+"""
 FLOOD_OF_SCANS = "scans"
 
 
 def make_scan(number: int = 0) -> LaserScan:
-    """A turn of 360 rays, as a TurtleBot's laser sends it."""
+    """Return a scan of 360 rays, like that of a TurtleBot's laser."""
     return LaserScan(
         header=Header(stamp=Time(sec=number, nanosec=123_456_789), frame_id="tb3_0/base_scan"),
         angle_max=math.tau,
@@ -60,7 +61,7 @@ def make_scan(number: int = 0) -> LaserScan:
 
 
 def make_odometry(number: int = 0, child: str = "tb3_0/base_footprint") -> Odometry:
-    """A message with every field in use, as a robot sends it."""
+    """Return a message with every field in use, like that of a robot."""
     variances = covariance(1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-5)
     return Odometry(
         header=Header(stamp=Time(sec=number, nanosec=123_456_789), frame_id="tb3_0/odom"),
@@ -71,7 +72,7 @@ def make_odometry(number: int = 0, child: str = "tb3_0/base_footprint") -> Odome
 
 
 def typed_peer(ctx: Context[Any]) -> None:
-    """Answer, or flood."""
+    """Answer each ping with an Odometry, or a flood."""
     pong, flood, scans = ctx.advertise(PONG), ctx.advertise(FLOOD), ctx.advertise(SCANS)
     for ping in ctx.messages(PING):
         asked = ping.header.stamp.sec - FLOOD_OFFSET_SEC
@@ -90,7 +91,7 @@ def typed_peer(ctx: Context[Any]) -> None:
 
 
 def drive_peer(ctx: Context[Any]) -> None:
-    """Answer with a command."""
+    """Answer each Odometry with a command."""
     driven = ctx.advertise(DRIVEN)
     for seen in ctx.messages(DRIVE):
         driven.publish(Twist.planar(seen.pose.pose.position.x, 0.0))
@@ -98,7 +99,7 @@ def drive_peer(ctx: Context[Any]) -> None:
 
 @contextmanager
 def bench_node(endpoint: str) -> Iterator[Node]:
-    """The bench itself as a node."""
+    """Open the benchmark's own node."""
     identity = Identity.of("bench")
     with (
         ZenohTransport(configuration("direct", (endpoint,), reliable=True)) as transport,
@@ -108,13 +109,13 @@ def bench_node(endpoint: str) -> Iterator[Node]:
 
 
 def raw_session(endpoint: str) -> zenoh.Session:
-    """A plain Zenoh session with the configuration and the threads that the runtime's have in lockstep."""
+    """Open a plain Zenoh session with the runtime's configuration and threads in lockstep."""
     with limit_threads():
         return zenoh.open(zenoh.Config.from_json5(json.dumps(configuration("direct", (endpoint,), reliable=True))))
 
 
 def barrier_member(endpoint: str, number: str) -> None:
-    """Answer each leave; an empty one ends."""
+    """Answer each grant; an empty one ends the process."""
     with raw_session(endpoint) as session:
         leaves = session.declare_subscriber(f"{RAW_GRANT}/{number}", zenoh.handlers.RingChannel(1024))
         done = session.declare_publisher(f"{RAW_REPORT}/{number}", congestion_control=zenoh.CongestionControl.BLOCK)
@@ -123,7 +124,7 @@ def barrier_member(endpoint: str, number: str) -> None:
 
 
 def raw_peer(endpoint: str) -> None:
-    """Answer, or flood when a ping of eight bytes has the number; an empty one ends."""
+    """Answer each ping, or flood if it has eight bytes, the number of messages; an empty one ends the process."""
     with zenoh.open(zenoh.Config.from_json5(json.dumps(configuration("direct", (endpoint,))))) as session:
         pings = session.declare_subscriber(RAW_PING, zenoh.handlers.RingChannel(1024))
         pong = session.declare_publisher(RAW_PONG, congestion_control=zenoh.CongestionControl.DROP)

@@ -1,4 +1,4 @@
-"""The loop that a user of a physics engine writes: burgers that drive and scan, without anything of ours between."""
+"""The loop that a user of a physics engine would write: burgers that drive and scan, without any middleware."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from services.runtime.step import STEP_NS
 from services.sim.engines import Engine
 
 SPEED, TURN = 4.0, 1.0
-"""Wheel speeds [rad/s], and by how much each robot's differ: all drive circles, each another one."""
+"""Wheel speed [rad/s], and its difference per robot: all drive in circles of different sizes."""
 MOTOR_GAIN = 0.02
-"""Of MuJoCo's velocity actuators, N m s/rad; a stiffer one throws a burger on its back."""
+"""Gain of MuJoCo's velocity actuators [N m s/rad]; a stiffer one throws a burger on its back."""
 LASER_HEIGHT = 0.18
-"""Of a burger, m."""
+"""Height of a burger's laser [m]."""
 
 
 Loop = tuple[Callable[[], None], Callable[[], None]]
-"""Takes a step, and scans with all lasers."""
+"""Functions that make a step, and that scan with all lasers."""
 
 
 def raw_loop_factor(engine: Engine, robots: Sequence[RobotConfig], start_s: float, length_s: float) -> float:
-    """Simulated seconds per wall-clock second of an engine that steps robots of one model and casts their lasers' rays.
+    """Return simulated seconds per wall-clock second of an engine that steps robots of one model and casts their rays.
 
     Args:
-        engine: Its name.
-        robots: Where they start.
-        start_s: Simulation time before the clock runs.
-        length_s: That which is timed.
+        engine: Name of the engine.
+        robots: The robots with their start poses.
+        start_s: Simulation time before timing begins.
+        length_s: Simulation time that is timed.
     """
     model = read_model(robots[0].model)
     assert model.wheels is not None

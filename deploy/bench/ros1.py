@@ -1,4 +1,4 @@
-"""Programs of ROS 1: start, memory, round trip, decoding, lockstep, and a loop that never waits."""
+"""ROS 1 programs: start, memory, round trip, decoding, lockstep, and a loop that never waits."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from services.runtime.node import Node
 from services.runtime.transport.unix_sockets import router_in
 
 TRIPS = 400
-"""Round trips of a block."""
+"""Number of round trips per block."""
 TRIP_TIMEOUT_S = 30.0
 LAP_S, LAP_ROBOTS = 20.0, 4
 """Simulation time of a run in lockstep, and its number of robots."""
 BESIDE, BESIDE_FROM_S = "bare", 2.0
 """The fleet beside which programs run, and from when on [s]: by then it has started."""
 BUSY_FROM_S, BUSY_S = 2.0, 4.0
-"""Wall time after which the loop that never waits is watched, and over which."""
+"""Wall time before the busy loop is measured, and duration of the measurement."""
 
 LISTENER = """
 import rospy
@@ -124,7 +124,7 @@ THEIRS = 'kind = "waypoints.py"\n'
 
 
 def measure_ros1(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
-    """Every figure of programs written for ROS 1."""
+    """Measure every figure of programs written for ROS 1."""
     figures: list[Figure] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -151,7 +151,7 @@ def _script(file: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def _beside_a_fleet(rounds: int, folder: Path, port: int) -> list[Figure]:
-    """Start and memory of a listener, and the processor time of a busy loop, beside a fleet."""
+    """Measure start and memory of a listener, and the processor time of a busy loop, in the fleet ``bare``."""
     starts, memory, busy = [], [], []
     with (
         BenchFleet(BESIDE, folder / "beside", port, "--mode", "real") as fleet,
@@ -189,7 +189,7 @@ def _beside_a_fleet(rounds: int, folder: Path, port: int) -> list[Figure]:
 
 
 def _round_trips(rounds: int, folder: Path) -> list[Figure]:
-    """An odometry to a program and its command back: a service of ours and a rospy program in turn."""
+    """Measure an odometry to a program and its command back: a service of ours and a rospy program in turn."""
     endpoint = router_in(folder)
     module = [sys.executable, "-P", "-m"]
     script = [*module, "services.script", "--connect", endpoint, "--wall-time", "--namespace", "/script"]
@@ -226,7 +226,7 @@ def _round_trips(rounds: int, folder: Path) -> list[Figure]:
 
 
 class _Trip:
-    """Odometry out and a command back."""
+    """A round trip: odometry out and a command back."""
 
     def __init__(self, node: Node, out: Topic[Odometry], back: Topic[Twist]) -> None:
         self._node = node
@@ -235,7 +235,7 @@ class _Trip:
         self._odometry = make_odometry()
 
     def wait_for_peer(self) -> None:
-        """Send until the other side answers."""
+        """Publish until the other side answers."""
         deadline = time.monotonic() + TRIP_TIMEOUT_S
         while not self._answered():
             if time.monotonic() > deadline:
@@ -246,7 +246,7 @@ class _Trip:
         self._answered()
 
     def measure(self) -> float:
-        """The time of one round trip, s."""
+        """Return the time of one round trip [s]."""
         begun = time.perf_counter()
         self._out.publish(self._odometry)
         while not self._answered():
@@ -261,7 +261,7 @@ class _Trip:
 
 
 def _lockstep(rounds: int, folder: Path, port: int) -> list[Figure]:
-    """Speed of four rospy programs in lockstep, and of our own controllers on the same robots."""
+    """Measure the speed of four rospy programs in lockstep, and of our own controllers on the same robots."""
     (folder / "waypoints.py").write_text(WAYPOINTS)
     factors: dict[str, list[float]] = {"ours": [], "theirs": []}
     for name, text in (("ours", OURS), ("theirs", THEIRS)):
@@ -287,7 +287,7 @@ def _lockstep(rounds: int, folder: Path, port: int) -> list[Figure]:
 
 
 def _lap_fleet(controller: str) -> str:
-    """The file of a fleet whose robots drive laps in lockstep, each by a controller."""
+    """Return the file of a fleet whose robots drive laps in lockstep, each by a controller."""
     robots = "".join(
         f'[[robot]]\nname = "tb3_{number}"\nmodel = "burger"\npose = {{ y = {2.0 * number} }}\n'
         for number in range(LAP_ROBOTS)

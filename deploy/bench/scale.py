@@ -19,16 +19,17 @@ from services.sim.engines import ENGINES, Engine, has_engine
 SIZES = (4, 16, 64, 100)
 """Numbers of robots."""
 SHARED = {"separate": "1", "shared": "25"}
-"""Controllers in a process."""
+"""Maximum number of controllers per process."""
 FROM_S, LENGTH_S = 2.0, 5.0
-"""Where the timed span begins, and how long it is, in simulation time."""
+"""Start and length of the timed span in simulation time."""
 _SPARE_S = 60.0
-"""How much longer the run may last: few robots are far ahead when this process looks."""
+"""Reserve of the run's duration: with few robots it is far ahead when this process checks."""
 
 
 class TimedSwarm(NamedTuple):
-    """A timed run: simulated per wall-clock second, wall time from ./elea up to the first second of simulation [s],
-    memory of the whole fleet [MiB], and its processor time for a second of simulation [ms]."""
+    """A timed run: simulated per wall-clock second, wall time from ./elea to the first second of simulation [s], memory
+    of the whole fleet [MiB], and its processor time [ms] per second of simulation.
+    """
 
     factor: float
     start: float
@@ -37,7 +38,7 @@ class TimedSwarm(NamedTuple):
 
 
 def measure_scale(rounds: int, sizes: Sequence[int], port: int, say: Callable[[str], None]) -> list[Figure]:
-    """Every size on both engines, with controllers in processes of their own and shared, beside the raw loop."""
+    """Measure every size on both engines, with controllers in their own processes and shared, besides the raw loop."""
     return [
         figure
         for engine in ENGINES
@@ -70,7 +71,7 @@ def _measure_size(engine: Engine, size: int, rounds: int, port: int, say: Callab
 
 
 def time_swarm(engine: Engine, size: int, share: str, port: int) -> TimedSwarm:
-    """Run ``swarm`` over the span."""
+    """Time ``swarm`` over the span."""
     end = FROM_S + LENGTH_S
     with tempfile.TemporaryDirectory() as folder:
         fleet_file = Path(folder) / "swarm.toml"

@@ -41,9 +41,9 @@ from services.runtime.transport.unix_sockets import router_in
 from services.runtime.transport.zenoh_config import configuration
 
 CALLS = 2000
-"""Calls of one measurement."""
+"""Number of calls per measurement."""
 TRIES = 15
-"""Measurements of a round, of which the fastest counts: the others were interrupted."""
+"""Measurements per round, of which the fastest counts: the others were interrupted."""
 
 
 class _Lists(Message, frozen=True, kw_only=True):
@@ -51,7 +51,7 @@ class _Lists(Message, frozen=True, kw_only=True):
 
 
 def measure_codec(rounds: int) -> list[Figure]:
-    """The time of one call, without a network and in this process."""
+    """Measure the time of one call in this process, without a network."""
     read_scan, read_odometry = raw_decoder(LaserScan), raw_decoder(Odometry)
     read_lists = raw_decoder(_Lists)
     seen, driven = make_scan(), make_odometry()
@@ -70,18 +70,18 @@ def measure_codec(rounds: int) -> list[Figure]:
 
 
 def _fastest(call: Callable[[], object]) -> float:
-    """Wall time of one call [us]."""
+    """Return the minimum wall time of one call [us]."""
     return min(timeit.repeat(call, number=CALLS, repeat=TRIES)) / CALLS * 1e6
 
 
 TRIPS = 1500
-"""Round trips of one block."""
+"""Number of round trips per block."""
 MESSAGES = 20_000
-"""Messages of one flood."""
+"""Number of messages per flood."""
 FLOODS = 11
-"""Floods of each side in a round, in turn: one takes less than 0.1 s, and a single thing in its way halves its rate."""
+"""Floods of each side per round, in turn: one takes less than 0.1 s, and a single disturbance halves its rate."""
 _FLOOD_S = 20.0
-"""Wall time within which a flood must have ended."""
+"""Maximum wall time of a flood."""
 
 
 class TypedClient:
@@ -94,7 +94,7 @@ class TypedClient:
         self._message = make_odometry()
 
     def wait_for_peer(self) -> None:
-        """Block until the other side listens."""
+        """Block until the other side has subscribed."""
         while not (self._ping.has_subscribers and any("bench_typed" in key for key in self._tokens())):
             time.sleep(0.02)
 
@@ -102,7 +102,7 @@ class TypedClient:
         return self._node.transport.tokens(token_pattern("pub", name=FLOOD.name))
 
     def trip(self) -> None:
-        """One message there and back."""
+        """Send one message there and back."""
         self._ping.publish(self._message)
         while True:
             self._node.transport.wait(self._pong.raw)
@@ -110,12 +110,12 @@ class TypedClient:
                 return
 
     def flood(self, count: int) -> tuple[int, float]:
-        """Odometries that arrived, and the time from the first to the last [s]."""
+        """Return the number of Odometry messages received, and the time from the first to the last [s]."""
         self._ping.publish(make_odometry(FLOOD_OFFSET_SEC + count))
         return self._arrive(self._flood, count)
 
     def scans(self, count: int) -> tuple[int, float]:
-        """The same of LaserScans."""
+        """Return the same for LaserScan messages."""
         self._ping.publish(make_odometry(FLOOD_OFFSET_SEC + count, FLOOD_OF_SCANS))
         return self._arrive(self._scans, count)
 
@@ -146,7 +146,7 @@ class RawClient:
         self._payload, self._scan = encode(make_odometry()), encode(make_scan())
 
     def wait_for_peer(self) -> None:
-        """Block until the other side listens and answers."""
+        """Block until the other side has subscribed and answers."""
         while not getattr(self._ping.matching_status, "matching", False):
             time.sleep(0.02)
         while self._pong.try_recv() is None:
@@ -156,16 +156,16 @@ class RawClient:
             pass
 
     def trip(self) -> None:
-        """The payload there and back."""
+        """Send the payload there and back."""
         self._ping.put(self._payload)
         self._pong.recv().payload.to_bytes()
 
     def flood(self, count: int) -> tuple[int, float]:
-        """Payloads of an Odometry's size that arrived, and the time from the first to the last [s]."""
+        """Return the number of payloads of an Odometry's size received, and the time from the first to the last [s]."""
         return self._arrive(self._payload, count)
 
     def scans(self, count: int) -> tuple[int, float]:
-        """The same of a LaserScan's size."""
+        """Return the same for payloads of a LaserScan's size."""
         return self._arrive(self._scan, count)
 
     def _arrive(self, payload: bytes, count: int) -> tuple[int, float]:
@@ -179,7 +179,7 @@ class RawClient:
         return count, time.perf_counter() - first
 
     def end(self) -> None:
-        """Let the partner go."""
+        """Stop the peer."""
         self._ping.put(b"")
 
 
@@ -193,8 +193,8 @@ def _block(trip: Callable[[], None]) -> list[float]:
 
 
 def run_wire(rounds: int, folder: Path, say: Callable[[str], None]) -> list[Figure]:
-    """Start a router and both partners, measure, end them."""
-    endpoint = router_in(folder)  # Both sides meet over the same kind of link.
+    """Start a router and both peers, measure, and stop them."""
+    endpoint = router_in(folder)  # Both sides use the same kind of link.
     module = [sys.executable, "-P", "-m"]
     commands = (
         [*module, "services", "router", "--param", f"listen={endpoint}"],
@@ -211,7 +211,9 @@ def run_wire(rounds: int, folder: Path, say: Callable[[str], None]) -> list[Figu
 
 
 def measure_wire(node: Node, session: zenoh.Session, rounds: int, say: Callable[[str], None]) -> list[Figure]:
-    """Both partners must be there. Each round takes a block of raw, of typed, and the floods of both."""
+    """Measure against both peers, which must be running: in each round blocks of raw and typed trips, then floods of
+    both.
+    """
     typed, raw = TypedClient(node), RawClient(session)
     ends: dict[str, Any] = {"raw": raw, "typed": typed}
     typed.wait_for_peer()

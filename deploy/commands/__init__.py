@@ -1,1 +1,1 @@
-"""The command line: one or two files for each group of commands, imported when one is called."""
+"""The command line: one or two files per group of commands, imported when one is called."""

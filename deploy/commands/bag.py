@@ -28,7 +28,7 @@ _UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "Ki": 2**10, "Mi": 2**20, "
 
 
 class IncompleteBag(EleaError):
-    """A bag is incomplete, damaged, or could only be used in part."""
+    """A bag is incomplete, damaged, or could only be partly used."""
 
 
 COMMANDS = {

@@ -22,11 +22,11 @@ LINT_STEPS = {
     "ros1 types": ("-m", "mypy", "--no-error-summary", "--config-file", "services/ros1/mypy.ini"),
     "imports": ("-c", "from importlinter.cli import lint_imports_command as lint; lint()", "--no-logo"),
 }
-"""Arguments of Python for each step; tests/architecture runs the same ones."""
+"""Arguments of Python for each step; tests/architecture runs the same steps."""
 BESIDE_TESTS = ("types", "ros1 types", "imports")
-"""Steps of one process that take seconds: they run while the tests do, which leave a core to them now and then."""
+"""Single-process steps of several seconds: they run alongside the tests, which leave a core idle at times."""
 NO_QUICK_TESTS = ("tests/system", "tests/faults", "tests/ros1")
-"""Folders whose tests start fleets: reading them takes time, and there is nothing quick in them."""
+"""Folders with tests that start fleets: importing them takes time, and none of them is quick."""
 
 _HOOK = """#!/bin/sh
 # Installed by ./elea check --install-hook; git commit --no-verify goes without it.
@@ -60,7 +60,7 @@ def command(install_hook: bool) -> None:
 
 
 class _Step(NamedTuple):
-    """A step that has run: whether it failed, its complaints, and the wall time [s] that it took."""
+    """The result of a step: whether it failed, its output, and its wall time [s]."""
 
     name: str
     failed: bool
@@ -69,7 +69,7 @@ class _Step(NamedTuple):
 
 
 def _run(name: str, arguments: tuple[str, ...]) -> _Step:
-    """Run a step; tests print on the terminal as they go."""
+    """Run a step; tests print on the terminal as they run."""
     began = time.monotonic()
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200"}
     ran = subprocess.run(
@@ -85,7 +85,7 @@ def _run(name: str, arguments: tuple[str, ...]) -> _Step:
 
 
 def _passes(step: _Step) -> bool:
-    """Show the result of a step."""
+    """Print the result of a step; return whether it passed."""
     if step.failed and step.complaints:
         click.echo(step.complaints)
     click.echo(f"{step.name:<12} {'failed' if step.failed else 'ok':<7} {step.seconds:5.1f} s")

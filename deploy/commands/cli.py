@@ -1,4 +1,4 @@
-"""The command line ``elea``: the table of verbs and their dispatch."""
+"""The command line ``elea``: the table of commands and their dispatch."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def _run() -> int:
 
 
 def _exit_status(ended: SystemExit) -> int:
-    """Return the exit status; a text in its place is printed as an error."""
+    """Return the exit status; text instead of a status is printed as an error."""
     if ended.code is None or isinstance(ended.code, int):
         return ended.code or 0
     sys.stderr.write(f"{ended.code}\n")

@@ -1,7 +1,7 @@
 """Shell completion: the names that click's ``shell_complete`` offers, live ones from the network within 300 ms.
 
-Click itself completes verbs, options, choices and files. Its script for bash runs the command as it was typed; those
-for zsh and fish look for ``elea`` in the PATH, so here they are made to run the ``./elea`` of this project.
+Click itself completes commands, options, choices and files. Its script for bash runs the command as typed; those for
+zsh and fish search the PATH for ``elea``, so here they run the ``./elea`` of this project.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from services.runtime.transport.api import Transport
 
 TIMEOUT_S = 0.3
-"""Wall time that the network has to answer, so that a hanging router does not block the shell."""
+"""Wall time for the network to answer, so that a hanging router does not block the shell."""
 
 _PROGRAM = shlex.quote(str(ROOT / "elea")).replace("%", "%%")
 _IN_PATH = "    (( ! $+commands[%(prog_name)s] )) && return 1\n"
@@ -51,19 +51,19 @@ def register_shells() -> None:
 
 
 Source = Callable[[click.Context, str], Iterable[str]]
-"""Returns candidates for the word that is being typed, from the words before it and its beginning."""
+"""Returns candidates for the word being typed, from the words before it and its beginning."""
 Question = Callable[["Transport", click.Context], Iterable[str]]
 """Returns candidates from the network."""
 
 
 class CompletingParam(click.ParamType[str]):
-    """A parameter without checks, completed from a source; from ``files`` when the source has nothing."""
+    """A parameter without checks, completed from a source; from ``files`` if the source has no candidates."""
 
     def __init__(self, name: str, source: Source, files: bool = False) -> None:
         self.name, self._source, self._files = name, source, files
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem[Any]]:
-        """The candidates that begin with ``incomplete``; none when the source fails."""
+        """Return the candidates that begin with ``incomplete``; none if the source fails."""
         try:
             found = sorted(set(self._source(ctx, incomplete)))
         except EleaError:
@@ -73,7 +73,7 @@ class CompletingParam(click.ParamType[str]):
 
 
 def live(question: Question) -> Source:
-    """A source that asks the network; names lose their leading slash when the user began without it."""
+    """Return a source that queries the network; names have no leading slash if the typed word has none."""
 
     def source(ctx: click.Context, begun: str) -> list[str]:
         names = query_network(ctx, question)
@@ -83,7 +83,7 @@ def live(question: Question) -> Source:
 
 
 def query_network(ctx: click.Context, question: Question) -> list[str]:
-    """Ask the network that the command line names; empty when it does not answer within TIMEOUT_S."""
+    """Query the network that the command line names; return nothing if it does not answer within TIMEOUT_S."""
     answer: list[str] = []
 
     def ask() -> None:
@@ -104,7 +104,7 @@ def query_network(ctx: click.Context, question: Question) -> list[str]:
 
 
 def _chosen_port(ctx: click.Context) -> int | None:
-    """The port that ``--port`` or ``--fleet`` names so far; raises BadInput."""
+    """Return the port that ``--port`` or ``--fleet`` selects so far; raises BadInput."""
     from services.runtime.network_address import port_of_fleet
 
     port, fleet = ctx.params.get("port"), ctx.params.get("fleet")
@@ -133,7 +133,7 @@ def _services(transport: Transport, _: click.Context) -> Iterable[str]:
 
 
 def _entities(transport: Transport, kind: Kind) -> list[Entity]:
-    """The entities of one kind, without those of hidden nodes."""
+    """Return the entities of one kind, without those of hidden nodes."""
     from services.runtime.graph import Entity, token_pattern
 
     found = (Entity.parse(each) for each in transport.tokens(token_pattern(kind), TIMEOUT_S))
@@ -145,7 +145,7 @@ def _sets(transport: Transport, _: click.Context) -> Iterable[str]:
 
 
 def _parameters(transport: Transport, ctx: click.Context) -> Iterable[str]:
-    """The parameters of the set in the argument ``set`` or ``set_name``."""
+    """Return the parameters of the set in the argument ``set`` or ``set_name``."""
     wanted = "/" + str(ctx.params.get("set") or ctx.params.get("set_name") or "").removeprefix("/")
     return [one.name for each in _parameter_schemas(transport) if each.set == wanted for one in each.parameters]
 
@@ -174,7 +174,7 @@ def _fields(ctx: click.Context, begun: str) -> Iterable[str]:
     from deploy.live.topics import absolute_name
     from services.runtime.field_path import complete_path
 
-    # An option whose value is being typed keeps click from giving the arguments their names.
+    # While an option's value is being typed, click does not name the arguments.
     topic = known_topic(absolute_name(ctx.params.get("topic") or next(iter(ctx.args), "")))
     return [] if topic is None else complete_path(topic.record, begun)
 

@@ -32,10 +32,10 @@ def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -
 
 
 _MOST = 8
-"""Tests at a time; there is one for each processor, since many of them run a fleet of a dozen processes."""
+"""Maximum number of parallel tests, one per processor: many of them run a fleet of a dozen processes."""
 
 _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "--capture", "--co", "--collect-only")
-"""Options of pytest that choose how many there are at a time, or that show what only one process can show."""
+"""Pytest options that set the number of processes, or whose output needs a single process."""
 
 
 @click.command("test", context_settings={"ignore_unknown_options": True})
@@ -57,23 +57,23 @@ def test_command(arguments: tuple[str, ...]) -> None:
 
 
 def path_from(argument: str, folder: Path) -> str:
-    """The argument, a path that is there counted from ``folder`` made absolute, as the tests run in the project."""
+    """Make an argument that is an existing path relative to ``folder`` absolute, since the tests run in the project."""
     path, colons, test = argument.partition("::")
     is_path = not argument.startswith("-") and ("/" in path or path.endswith(".py"))
     return f"{folder / path}{colons}{test}" if is_path and (folder / path).exists() else argument
 
 
 def are_of_others(arguments: Sequence[str]) -> bool:
-    """Whether all tests that are named lie outside this project's, and so know none of its markers."""
+    """Return whether all named tests lie outside this project, so that its markers do not apply."""
     named = [Path(each.partition("::")[0]).resolve() for each in arguments if not each.startswith("-")]
     there = [each for each in named if each.exists()]
     return bool(there) and not any(each == ROOT or each.is_relative_to(ROOT / "tests") for each in there)
 
 
 def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
-    """Pytest's further arguments for a number of CPUs; none if they run one by one.
+    """Return pytest's additional arguments for a number of CPUs; none if the tests run one by one.
 
-    The tests of a file stay together, as they share what they start.
+    The tests of a file stay together, since they share what they start.
     """
     chosen = any(each.startswith("-n") or each.partition("=")[0] in _SERIAL_OPTIONS for each in arguments)
     named = [Path(each.partition("::")[0]) for each in arguments if not each.startswith("-")]

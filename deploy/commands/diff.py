@@ -40,7 +40,7 @@ def command(left: Path, right: Path, as_json: bool) -> None:
 
 
 def describe(found: RunComparison) -> list[str]:
-    """The lines that a person reads."""
+    """Return the lines of output for people."""
     from deploy.report.compare import tick_of
 
     lines = [f"{'the runs are the same' if found.same else 'the runs differ'}: {found.left}, {found.right}"]
@@ -68,7 +68,7 @@ def describe(found: RunComparison) -> list[str]:
 
 
 def _side(found: RunComparison, left: Any) -> str:
-    """The run that has what the other lacks."""
+    """Return the path of the run that has what the other lacks."""
     return found.left if left is not None else found.right
 
 

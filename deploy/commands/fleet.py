@@ -158,7 +158,7 @@ def _print_fleet(fleet: dict[str, Any]) -> None:
 
 
 def _sum_row(processes: list[dict[str, Any]]) -> tuple[str, str, str, str, str, str, str]:
-    """How many processes there are in which states, and what they take together."""
+    """Return the last row: the number of processes by state, and their total memory and load."""
     states = Counter(each["state"] for each in processes)
     memory, cpu = (sum(each[name] or 0.0 for each in processes) for name in ("memory_mib", "cpu_percent"))
     restarts = sum(each["restarts"] for each in processes)
@@ -213,11 +213,11 @@ def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> No
 
 
 _LINE = re.compile(r"\[-?\d+\.\d+\] [A-Z]+ (/\S+): ")
-"""How a node's line in a log begins, by ``services.runtime.log``."""
+"""The beginning of a node's line in a log, as written by ``services.runtime.log``."""
 
 
 class LogTail:
-    """Follows a log file, also when it is truncated."""
+    """Follows a log file, even if it is truncated."""
 
     def __init__(self, name: str, path: Path) -> None:
         self.name = name
@@ -225,7 +225,7 @@ class LogTail:
         self._path, self._offset, self._rest = path, 0, b""
 
     def lines(self) -> Iterator[str]:
-        """Return the complete lines added since the last call."""
+        """Yield the complete lines added since the last call."""
         try:
             with self._path.open("rb") as file:
                 if file.seek(0, 2) < self._offset:
@@ -240,7 +240,7 @@ class LogTail:
             yield line.decode(errors="replace")
 
     def lines_of(self, node: str) -> Iterator[str]:
-        """Those of one node, each with what follows it, and the supervisor's."""
+        """Yield the lines of one node, each with its continuation lines, and the supervisor's."""
         for line in self.lines():
             if found := _LINE.match(line):
                 self._owner = found[1]

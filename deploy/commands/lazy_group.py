@@ -13,7 +13,7 @@ from deploy import INTERRUPTED
 
 
 class LazyCommand(NamedTuple):
-    """The location of a verb's command, and its one-line help.
+    """The location of a command, and its one-line help.
 
     ``module`` is in ``deploy.commands``; its attribute is ``command`` unless given after a colon.
     """
@@ -23,7 +23,7 @@ class LazyCommand(NamedTuple):
 
 
 class LazyGroup(click.Group):
-    """Imports a verb when it is called; suggests the nearest name for a wrong one."""
+    """Imports a command when it is called; suggests the nearest name for a wrong one."""
 
     def __init__(self, *arguments: Any, table: Mapping[str, LazyCommand], **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -42,7 +42,7 @@ class LazyGroup(click.Group):
         return command
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; one that does not handle Ctrl-C itself ends with a status of its own, not as a failure."""
+        """Run the command; an unhandled Ctrl-C ends it with a status of its own, not as a failure."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -62,7 +62,7 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, verb.about) for name, verb in self.table.items()])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[Any]]:
-        """The verbs by the table, without loading them, and the options of the group."""
+        """Return the commands in the table, without loading them, and the group's options."""
         verbs = [CompletionItem(name, help=verb.about) for name, verb in self.table.items()]
         found: list[CompletionItem[Any]] = [each for each in verbs if each.value.startswith(incomplete)]
         return found or click.Command.shell_complete(self, ctx, incomplete)

@@ -63,7 +63,7 @@ def check(model: str, no_drive: bool, packages: tuple[Path, ...], xacro_args: di
 
 
 def format_check(found: ModelCheck) -> str:
-    """What a check found, in words."""
+    """Format the findings of a check."""
     lines = [f"{found.name}  {found.file}", f"  {found.about}", ""]
     facts: list[tuple[str, ...]] = [
         ("root", f"{found.root}, {1000 * found.height:.1f} mm above the ground{', fixed' * found.fixed_base}"),

@@ -1,4 +1,4 @@
-"""Options that several verbs share."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -28,15 +28,16 @@ filter_option: Callable[[F], F] = click.option(
 
 
 def fits(name: str, pattern: str) -> bool:
-    """Whether a name contains the text ``pattern``, or fits it if it has ``*``, ``?`` or ``[``; slashes before it are
-    optional."""
+    """Return whether a name contains the text ``pattern``, or matches it if it has ``*``, ``?`` or ``[``; slashes
+    before it are optional.
+    """
     if not any(each in pattern for each in "*?["):
         return pattern in name
     return fnmatchcase(name.lstrip("/"), pattern.lstrip("/"))
 
 
 def own_robot_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Add what the file of a robot of the user's may need; the verb gets ``packages`` and ``xacro_args``."""
+    """Add the options for a robot file of the user's; the command gets ``packages`` and ``xacro_args``."""
 
     @click.option(
         "--package",
@@ -63,7 +64,9 @@ def _xacro_argument(pair: str) -> tuple[str, str]:
 
 
 def fleet_option(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--fleet`` and ``--port``, either of which chooses one of several running fleets; the verb gets ``port``."""
+    """Add ``--fleet`` and ``--port``, either of which selects one of several running fleets; the
+    command gets ``port``.
+    """
 
     @click.option("--fleet", metavar="NAME", type=RUNNING_FLEET, help="Name of the fleet, if several are running.")
     @click.option("--port", type=click.IntRange(1, 65535), help="Port of the fleet, if several are running.")
@@ -75,7 +78,7 @@ def fleet_option(verb: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def network_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Add options for the network; the verb gets a ``place``, by default that of the running fleet."""
+    """Add options for the network; the command gets a ``place``, by default that of the running fleet."""
 
     @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
     @click.option("--domain", default="", help="Domain of the fleet.")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from services.runtime.network_address import NetworkAddress
 
 _START_TIMEOUT_S = 15.0
-"""Wall time for a panel to open its page."""
+"""Wall time for a panel to serve its page."""
 
 _POLL_PERIOD_S = 0.5
 
@@ -71,7 +71,7 @@ def _serve_page(
     from services.runtime.light_node import open_transport
 
     with open_transport(place.router, place.domain):
-        pass  # there is a router, or this says that there is none
+        pass  # checks that there is a router
     with tempfile.TemporaryDirectory(prefix="elea-panel-") as folder:
         file = Path(folder) / "panel.json"
         arguments = [*place.arguments, "--param", f"address={file}"]
@@ -116,6 +116,6 @@ def _print_address(address: Address, as_json: bool, no_open: bool) -> None:
         from services.panel.address import one_time_url
 
         try:
-            webbrowser.open(one_time_url(address))  # not the token: other users see the command line of a browser
+            webbrowser.open(one_time_url(address))  # not the token: other users can see the browser's command line
         except OSError as error:
             sys.stderr.write(f"elea: no browser was opened ({error}): open the address above\n")

@@ -47,7 +47,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def client_options(function: F) -> F:
-    """Adds ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``."""
+    """Add ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``."""
     options: tuple[Callable[..., Any], ...] = (
         json_option,
         click.option(
@@ -71,7 +71,7 @@ def client_options(function: F) -> F:
 
 @contextmanager
 def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
-    """Connect a client as the options say, and remove these from ``options``."""
+    """Connect a client according to the options, and remove these from ``options``."""
     from services.runtime.light_node import open_transport
     from services.runtime.parameters.service_client import ParameterServiceClient
 
@@ -417,7 +417,7 @@ def _apply_loads(
 
 
 def _loadable_values(client: ParameterServiceClient, one: ParameterSchema) -> dict[str, Value]:
-    """Return the values of a set that `load` can set."""
+    """Return the values of a set that ``load`` can set."""
     live = {each.name for each in one.parameters if each.live}
     return {each.name: each.value for each in client.values(one.set).values if each.name in live or not one.nodes}
 

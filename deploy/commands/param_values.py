@@ -29,7 +29,7 @@ from services.runtime.errors import BadInput, unknown_name
 
 Format = Literal["yaml", "toml"]
 MAX_FILE_BYTES = 8 << 20
-"""Largest file in bytes."""
+"""Maximum size of a file [bytes]."""
 
 
 def file_format(file: str, stated: str | None) -> Format:
@@ -63,7 +63,7 @@ def read_parameter_file(path: Path, form: Format) -> dict[str, Any]:
 
 
 def read_table(text: str, where: str) -> dict[str, Any]:
-    """A YAML map of names, empty for an empty text; raises BadInput."""
+    """Parse a YAML map with text keys, empty for an empty text; raises BadInput."""
     table = read_yaml(text, where)
     if table is None:
         return {}
@@ -73,7 +73,7 @@ def read_table(text: str, where: str) -> dict[str, Any]:
 
 
 def read_yaml_value(text: str) -> Any:
-    """Read any YAML value; other text stays text."""
+    """Parse any YAML value; invalid YAML stays text."""
     try:
         return read_yaml(text)
     except BadInput:
@@ -81,7 +81,7 @@ def read_yaml_value(text: str) -> Any:
 
 
 def format_tables(tables: Mapping[str, Mapping[str, Value]], form: Format) -> str:
-    """Format tables. TOML has no null: omit such values."""
+    """Format tables; values that are null are omitted in TOML, which has none."""
     plain = {name: {key: _plain(value) for key, value in table.items()} for name, table in tables.items()}
     if form == "toml":
         import tomli_w
@@ -157,9 +157,9 @@ def _check_representable(described: ParameterDescription, value: Value) -> None:
 def validate_change(
     schema: ParameterSchema, before: ParameterValues, values: Mapping[str, Value], clamp: bool = False
 ) -> None:
-    """Raise BadInput with all violations for what the service would refuse, by the service's own rules.
+    """Raise BadInput with all violations for which the service would refuse a change, by the service's own rules.
 
-    The service decides over one set at a time; a file of several is checked here before the first of them changes.
+    The service decides for one set at a time; a file with several sets is checked here before the first one changes.
     """
     from services.params.changes import plan_set
     from services.params.schema import Schema, SetState
@@ -181,7 +181,7 @@ def to_assignments(values: Mapping[str, Value]) -> tuple[Assignment, ...]:
 
 
 def _convert_value(value: Any, described: ParameterDescription) -> Value:
-    """Convert text to the parameter's type; other text stays, and is refused later by name."""
+    """Convert text to the parameter's type; other text stays, and is later refused by name."""
     if isinstance(value, str):
         return _convert_text(value, described)
     if isinstance(value, list | tuple):
@@ -238,7 +238,7 @@ def _convert_list(values: Sequence[Any], described: ParameterDescription) -> Val
 
 
 def format_value(value: Value) -> str:
-    """Format a value as it would be typed."""
+    """Format a value as typed on the command line."""
     return printable(value) if isinstance(value, str) else json.dumps(value)
 
 

@@ -57,7 +57,7 @@ def command(words: tuple[str, ...], xunit: str, runs: str, text: bool, **options
 
 
 def _run(fleet: Any, options: dict[str, Any], runs: str) -> str | None:
-    """Run the fleet of a test; why it has failed, None if it has passed."""
+    """Run the fleet of a test; return why it failed, None if it passed."""
     from deploy.commands.up import override_run
     from deploy.progress import open_display
     from deploy.run_fleet import run_fleet

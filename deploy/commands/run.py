@@ -18,7 +18,7 @@ from services.runtime.network_address import port_of_fleet, resolve_address
 from services.runtime.process import ROOT
 
 ROBOT_TOPICS = ("cmd_vel", "odom", "scan", "imu", "joint_states", "battery_state")
-"""Topics of a robot that programs written for a single one name absolutely."""
+"""Topics of a robot that programs written for a single robot name absolutely."""
 
 
 @click.command("run", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
@@ -82,7 +82,7 @@ def command(target: str, arguments: tuple[str, ...], port: int | None, **options
 
 
 def run_script(file: Path, arguments: Sequence[str], port: int | None, options: Mapping[str, Any]) -> None:
-    """Replace this process by a program of ROS 1; ``arguments`` are its own, ``options`` those of ``command``."""
+    """Replace this process by a ROS 1 program; ``arguments`` are its own, ``options`` those of ``command``."""
     own = _node_arguments(options)
     if robot := options.get("robot", "").strip("/"):
         own += ["--namespace", f"/{robot}"] if not options.get("namespace") else []
@@ -101,7 +101,7 @@ def run_script(file: Path, arguments: Sequence[str], port: int | None, options: 
 
 
 def _node_arguments(options: Mapping[str, Any]) -> list[str]:
-    """The options before TARGET that services and scripts alike have."""
+    """Return the options before TARGET that services and scripts share."""
     single = [(name, options.get(name)) for name in ("namespace", "name", "domain", "log_level")]
     several = [(name, each) for name in ("remap", "connect") for each in options.get(name, ())]
     return [word for name, each in (*single, *several) if each for word in (f"--{name.replace('_', '-')}", each)]
@@ -134,12 +134,12 @@ def _extract_fleet(port: int | None, arguments: tuple[str, ...]) -> tuple[int | 
 
 
 def _states_network(arguments: tuple[str, ...]) -> bool:
-    """Whether the arguments select a network, or need none."""
+    """Return whether the arguments select a network, or need none."""
     return any(each.partition("=")[0] in ("--connect", "--help", "--print-config") for each in arguments)
 
 
 def _network_arguments(port: int | None, arguments: tuple[str, ...]) -> list[str]:
-    """Return the arguments for joining the selected fleet; keep a given domain."""
+    """Return the arguments for joining the selected fleet; a given domain is kept."""
     place = resolve_address(port=port)
     if any(each.partition("=")[0] == "--domain" for each in arguments):
         place = place._replace(domain="")

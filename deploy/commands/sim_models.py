@@ -202,9 +202,9 @@ def properties(asker: SimulationClient, name: str) -> None:
 
 
 def _own_robot(model: str, packages: tuple[Path, ...], xacro_args: dict[str, str]) -> tuple[str, str]:
-    """What a request calls the robot, and its URDF where that is all of it; a robot from outside is made here.
+    """Return the robot's name for a request, and its URDF if that suffices; imports a robot file.
 
-    The simulation of the same user finds what was made by its name; others can take a URDF without meshes.
+    A simulation of the same user finds an imported robot by its name; others can get a URDF without meshes.
     """
     from models import MODELS
     from models.robot_source import names_file, resolve_robot, resolve_urdf_text
@@ -271,7 +271,7 @@ def _format_property(value: object) -> str:
 Vector = tuple[float, float, float]
 ZERO = (0.0, 0.0, 0.0)
 ALLOW_NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-"""Lets negative numbers be arguments instead of options."""
+"""Makes negative numbers arguments instead of options."""
 
 start_option = click.option(
     "--start",

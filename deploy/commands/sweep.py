@@ -99,7 +99,7 @@ def _define(fleet: str, seeds: str, assignments: tuple[str, ...], options: dict[
 
 
 def _digest(file: Path) -> str:
-    """A digest of a fleet file and of the user's services that it names; raises BadInput when it is no fleet."""
+    """Return a digest of a fleet file and the user services that it names; raises BadInput for an invalid fleet."""
     from deploy.fleet_file import read_fleet
     from deploy.fleet_validation import all_services
     from services.catalog import is_user_file
@@ -124,7 +124,7 @@ def _folder(definition: Definition, report: str, runs: str) -> Path:
 
 
 def check_definition(definition: Definition) -> tuple[str, ...]:
-    """Check every run's fleet as far as can be done without starting it; its robots. Raises BadInput."""
+    """Check every run's fleet as far as possible without starting it; return its robots. Raises BadInput."""
     from deploy.commands.up import override_run
     from deploy.fleet_file import find_fleet, read_fleet
     from deploy.sweep.definition import SEED
@@ -217,7 +217,7 @@ def _run(definition: Definition, folder: Path, jobs: int, retry: bool, plot: str
 
 
 def describe_result(result: Result) -> str:
-    """The end of a run in a few words."""
+    """Describe the end of a run in a few words."""
     if result.error:
         return f"failed: {result.error}"
     return "passed" if result.status == 0 else "missed a bound" if result.status == 1 else f"status {result.status}"

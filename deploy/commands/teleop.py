@@ -18,7 +18,7 @@ from services.teleop.keys import KEY_TABLE
 from services.teleop.script import script_events
 
 _ROBOT_TIMEOUT_S = 3.0
-"""Wall time for a starting fleet to have a robot."""
+"""Wall time to wait for a starting fleet to have a robot."""
 _TELEOP_PARAMETERS = (
     "speed",
     "turn",

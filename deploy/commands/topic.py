@@ -47,7 +47,7 @@ timeout_option: Callable[[Any], Any] = click.option(
 
 
 def measure_options(window: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add the options of a measuring verb, which gets ``place``, ``window`` and ``terms``."""
+    """Add the options of a measuring command, which gets ``place``, ``window`` and ``terms``."""
 
     def decorate(verb: Callable[..., Any]) -> Callable[..., Any]:
         @click.option(
@@ -265,7 +265,7 @@ def _add_measurements(description: dict[str, Any], ends: TopicEndpoints, live: L
     members = {member_id(each.node, each.session): each.node for each in ends.publishers}
     for sender, window in windows.items():
         kind = ", ".join(foreign) if not sender else "?"
-        # A node that plays what several nodes had latched is each of them in turn.
+        # A node that plays back what several nodes had latched has one publisher for each of them.
         again = members.get(sender[:MEMBER_BYTES])
         node = "(foreign)" if not sender else again or f"(undeclared {sender.hex()})"
         description["publishers"].append({"node": node, "type": kind, "quality": "-", **_rates(window), "sent": None})

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 SHARE = 25
-"""Nodes of a process with a plain ``--share``."""
+"""Number of nodes per process for ``--share`` without a value."""
 
 
 class _Mode(click.Choice[str]):
-    """A time mode; a removed one is refused with its replacement."""
+    """A time mode; a removed mode is refused with its replacement."""
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         if value in REMOVED_MODES:
@@ -119,7 +119,7 @@ def override_run(fleet: Fleet, options: dict[str, Any]) -> Fleet:
 
 
 def _reshare(fleet: Fleet, nodes: int) -> Fleet:
-    """The fleet with so many nodes in a process where it states another number; groups by name stay."""
+    """Return the fleet with ``nodes`` per process wherever it states another number; groups by name stay."""
 
     def changed(services: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(

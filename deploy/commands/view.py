@@ -95,7 +95,7 @@ def _convert_bag(path: Path) -> Path:
     made = whole.with_name(f"{whole.stem if whole.is_file() else whole.name}.rrd")
     newest = max(each.stat().st_mtime for each in bag.files)
     if not made.is_file() or made.stat().st_mtime < newest:
-        part = made.with_name(f".{made.name}")  # one that is left half done is not taken for the bag
+        part = made.with_name(f".{made.name}")  # an unfinished file must not be mistaken for the bag's recording
         result = export_bag(path, "rrd", str(part))
         try:
             part.replace(made)

@@ -1,4 +1,4 @@
-"""``elea doctor``: problems that could keep Elea from running here, each with its cause and remedy."""
+"""``elea doctor``: problems that may keep Elea from running, each with its cause and remedy."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ Check = Callable[[], Iterator[Finding]]
 
 
 def ok(name: str, why: str) -> Finding:
-    """A check without a problem."""
+    """Return a finding without a problem."""
     return Finding(name, "ok", why)
 
 
 def warn(name: str, why: str, do: str) -> Finding:
-    """A problem that degrades the system."""
+    """Return a finding of a problem that degrades the system."""
     return Finding(name, "warn", why, do)
 
 
 def fail(name: str, why: str, do: str) -> Finding:
-    """A problem that prevents it from running."""
+    """Return a finding of a problem that prevents the system from running."""
     return Finding(name, "fail", why, do)

@@ -1,4 +1,4 @@
-"""All checks in their order, and their findings as text or JSON."""
+"""Runs all checks in order, and prints their findings as text or JSON."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.runtime.transport.zenoh_config import endpoint
 
 
 def run_checks(connect: str = "", domain: str = "", port: int | None = None) -> list[Finding]:
-    """The findings of all checks; those of the network listen meanwhile."""
+    """Return the findings of all checks; those of the network listen in the meantime."""
     checks: list[Check] = [
         machine.platform_supported,
         machine.python_version,
@@ -49,7 +49,7 @@ def run_checks(connect: str = "", domain: str = "", port: int | None = None) -> 
 
 
 def merge_alike(findings: Sequence[Finding]) -> list[Finding]:
-    """The findings, with those that say the same of more than ``MOST_ALIKE`` nodes as one that names these."""
+    """Merge findings that are the same for more than MOST_ALIKE nodes into one that names these."""
     alike: dict[Finding, list[str]] = {}
     for each in findings:
         kind, _, name = each.name.partition(" ")

@@ -1,4 +1,4 @@
-"""The running fleets: processes, orphans, disk, refused commands, and publishers that are too fast."""
+"""Checks the running fleets: processes, orphans, disk, refused commands, and publishers that are too fast."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from services.runtime.graph import ALL_PINGS, ASKS_HEALTH, Entity
 from services.runtime.transport.api import PendingReplies, Reply, Transport
 
 OBSERVATION_S = 2.0
-"""Wall time for which topics are watched, at most: until all nodes and bases have told how they are."""
+"""Maximum wall time for observing topics: until all nodes and bases have reported their state."""
 MIN_OBSERVATION_S = 0.3
-"""Wall time for which they are watched at least."""
+"""Minimum wall time for observing topics."""
 MIN_SAMPLES = 10
-"""Samples below which a rate is not judged."""
+"""Minimum number of samples for judging a rate."""
 FAST_FACTOR, FLOOD_FACTOR = 3.0, 20.0
-"""Times the promised rate from which a sender is named, and from which it is called a fault."""
+"""Multiples of the promised rate from which a publisher is reported, as a warning and as a failure."""
 STALE_SHARE, MIN_STALE = 0.05, 5
-"""Share, and count, of stale commands from which a base is named."""
+"""Share and number of stale commands above which a base is reported."""
 
 SHARE_S, BUSY_PERCENT = 0.1, 85.0
-"""Wall time over which a reader's share of a core is taken at least, and the share from which it is too slow."""
+"""Minimum wall time for measuring a subscriber's share of a core, and the share [%] from which it is too slow."""
 OVERLOAD = 1.5
-"""Runnable processes per core from which the machine is overloaded."""
+"""Runnable processes per core above which the machine is overloaded."""
 
 _ON_DEMAND = ("camera/image", "camera/camera_info", "/gazebo/model_states", "/gazebo/link_states", "cmd_vel_out")
-"""Topics published only with subscribers: to observe them would cost the fleet."""
+"""Topics published only with subscribers: observing them would burden the fleet."""
 
 
 class Sender(NamedTuple):
@@ -51,7 +51,9 @@ class Sender(NamedTuple):
 
 @dataclass
 class SampleCount:
-    """Samples of one sender: the first and last number, and how many came; foreign ones have no numbers."""
+    """Samples of one publisher: the first and last sequence number, and the number received; foreign ones have no
+    numbers.
+    """
 
     first: int = 0
     last: int = 0
@@ -64,19 +66,21 @@ class SampleCount:
 
 
 class ProcessorUsage:
-    """The share of a core that processes use, between the first look at each and the question."""
+    """Measures the share of a core that processes use, from ``watch`` to ``percent``."""
 
     def __init__(self) -> None:
         self._first: dict[int, tuple[float, float]] = {}
 
     def watch(self, pids: Collection[int]) -> None:
-        """Look at processes that are new."""
+        """Start measuring processes that are new."""
         for pid in pids:
             if pid not in self._first and (used := _processor_seconds(pid)) is not None:
                 self._first[pid] = time.monotonic(), used
 
     def percent(self, pid: int) -> float:
-        """The share of a core; 0 of a process that is on another machine, gone, or has not been watched long enough."""
+        """Return the share of a core [%]; 0 for a process on another machine, or one that is gone or not measured long
+        enough.
+        """
         began, before = self._first.get(pid, (0.0, 0.0))
         now, used = time.monotonic(), _processor_seconds(pid)
         if not began or used is None or now - began < SHARE_S:
@@ -107,20 +111,20 @@ class FleetObservation:
     usage: ProcessorUsage = field(default_factory=ProcessorUsage)
 
     def rate(self, sender: Sender) -> float:
-        """The rate of a publisher [Hz of simulation time]; 0 if no time passed, or it sent too few messages."""
+        """Return the rate of a publisher [Hz of simulation time]; 0 if no time passed, or it sent too few messages."""
         counted = self.counts.get(sender, SampleCount())
         return counted.sent / self.simulated if self.simulated > 0 and counted.sent >= MIN_SAMPLES else 0.0
 
 
 def check_fleet(entities: Sequence[Entity], seen: FleetObservation) -> Iterator[Finding]:
-    """The problems of an observed fleet, one finding for each."""
+    """Yield the problems of an observed fleet."""
     yield from processes(seen.state)
     yield from commands(seen.bases, entities)
     yield from rates(seen)
 
 
 def processes(state: FleetState | None) -> Iterator[Finding]:
-    """Processes that failed, stopped, or are restarted again and again."""
+    """Report processes that failed, stopped, or were restarted."""
     if state is None:
         return
     sound = True
@@ -143,7 +147,7 @@ def processes(state: FleetState | None) -> Iterator[Finding]:
 
 
 def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> Iterator[Finding]:
-    """Bases whose commands come too late, or are refused."""
+    """Report bases whose commands arrive too late, or are refused, or that are stopped."""
     for robot, base in sorted(bases.items()):
         topic = f"{robot.rstrip('/')}/cmd_vel"
         senders = sorted({each.node for each in entities if each.kind == "pub" and each.name == topic})
@@ -166,7 +170,7 @@ def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> I
 
 
 def rates(seen: FleetObservation) -> Iterator[Finding]:
-    """Senders far above the promised rate of their topic."""
+    """Report publishers far above the promised rate of their topic."""
     judged, sound = 0, True
     for node, name in sorted(seen.counts):
         topic, rate = known_topic(name), seen.rate(Sender(node, name))
@@ -187,7 +191,7 @@ def rates(seen: FleetObservation) -> Iterator[Finding]:
 
 
 def why_lost(name: str, beat: Health, seen: FleetObservation) -> str:
-    """The most likely cause of lost messages of a topic, and the remedy."""
+    """Return the most likely cause of lost messages of a topic, and the remedy."""
     topic = known_topic(name)
     for sender in sorted(seen.counts):
         rate = seen.rate(sender)
@@ -203,7 +207,7 @@ def why_lost(name: str, beat: Health, seen: FleetObservation) -> str:
 
 
 def disk(fleet: str, folder: str) -> Iterator[Finding]:
-    """The disk that the running fleet records to has room."""
+    """Check that the disk to which the running fleet records has free space."""
     path = Path(folder)
     try:
         free = shutil.disk_usage(path).free
@@ -216,12 +220,12 @@ def disk(fleet: str, folder: str) -> Iterator[Finding]:
 
 
 def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = OBSERVATION_S) -> FleetObservation:
-    """Ask each node for its health and listen to the fleet until each has answered, or beaten, and each base has told
-    its state, at most for ``seconds``, which are enough for a busy one as well.
+    """Observe the fleet until each node has reported its health and each base its state, at most for ``seconds``.
 
-    Of the topics, those are heard that could be sent too fast: the simulation's own follow from its ticks, and to read
-    them all would cost a large fleet more than its robots do. A topic on which a node hears a program without numbers
-    is added when its heartbeat says so.
+    The default is enough for a busy fleet as well. Of the topics, only those are observed that could be published too
+    fast: the simulation's own follow from its ticks, and reading them all would cost a large fleet more than its robots
+    do. A topic on which a node receives a program without sequence numbers is added once the node's heartbeat reports
+    that.
     """
     from messages.names import key as key_of
     from messages.topics import BASE_STATUS, CLOCK, FLEET_STATE
@@ -292,7 +296,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
 
 
 def _healths(replies: Sequence[Reply]) -> Iterator[Health]:
-    """The answers of nodes that are asked for their health."""
+    """Yield the valid answers of nodes to a health request."""
     read = decoder(Health)
     for each in replies:
         if each.ok and 0 < len(each.payload) <= HEALTH.largest:
@@ -301,13 +305,13 @@ def _healths(replies: Sequence[Reply]) -> Iterator[Health]:
 
 
 def nodes_with_loop(entities: Sequence[Entity]) -> list[str]:
-    """The nodes with a loop, without those of tools, whose names begin with an underscore."""
+    """Return the nodes with a loop, except those of tools, whose names begin with an underscore."""
     names = {each.node for each in entities if each.kind == "node"}
     return sorted(each for each in names if not each.rpartition("/")[2].startswith("_"))
 
 
 def _observable_topics(entities: Sequence[Entity]) -> list[str]:
-    """The topics with a promised rate that some node besides the simulation sends, and those of the bases."""
+    """Return the topics with a promised rate that nodes other than the simulation publish, and those of the bases."""
     from messages.topics import BASE_STATUS
 
     simulations = {each.node for each in entities if each.kind == "node" and each.name == "sim"}
@@ -326,7 +330,7 @@ INIT_PROCESSES = ("systemd", "init")
 
 
 def orphans() -> Iterator[Finding]:
-    """Services of this user that no supervisor and no terminal has any more."""
+    """Report services of this user that have neither a supervisor nor a terminal."""
     import psutil
 
     supervisors = {each.pid for each in running_fleets()}
@@ -358,7 +362,7 @@ def orphans() -> Iterator[Finding]:
 
 
 def fleets() -> Iterator[Finding]:
-    """The fleets that run."""
+    """Report the running fleets, and their disks."""
     for each in running_fleets():
         yield ok("fleet", f"{each.fleet} ({each.mode}) on port {each.port}, supervisor {each.pid}, {each.folder}")
         yield from disk(each.fleet, each.folder)

@@ -1,4 +1,4 @@
-"""The installation: the version, the environment, its packages against the lock, and libraries that load."""
+"""Checks the installation: version, environment, packages against the lock, and that libraries load."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from services.runtime.process import ROOT, check_import_roots
 from services.sim.engines import ENGINES, has_engine
 
 NATIVE_LIBRARIES = ("zenoh", *(each for each in ENGINES if has_engine(each)), "rerun_bindings", "numpy", "matplotlib")
-"""Libraries with native code: installed is not yet loadable."""
+"""Libraries with native code, which may be installed but fail to load."""
 LOAD_TIMEOUT_S = 60.0
 _LOAD = "import ctypes, os, sys\nfor each in sys.argv[1:]: ctypes.CDLL(each, os.RTLD_NOW)\nos._exit(0)"
-"""Loads files as an import would, with all that they need; the imports themselves take 3 s of processor time."""
+"""Loads files as an import would, with all their dependencies; the imports themselves take 3 s of processor time."""
 _PINNED = re.compile(r"^([\w.-]+)==([^\s;\\]+)( ;)?", re.MULTILINE)
 REINSTALL = "remove .venv and start ./elea again: it installs what the lock says"
 
 
 def version(root: Path = ROOT) -> Iterator[Finding]:
-    """One version everywhere, and our own packages where they should be."""
+    """Check that there is a single version, and that our packages are imported from it."""
     try:
         check_import_roots()
         stated = tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
@@ -48,7 +48,7 @@ def version(root: Path = ROOT) -> Iterator[Finding]:
 
 
 def environment(root: Path = ROOT) -> Iterator[Finding]:
-    """The environment is the one that ./elea made, whole."""
+    """Check that the environment is the one that ./elea created, and complete."""
     own = root / ".venv"
     if Path(sys.prefix).resolve() != own.resolve():
         yield warn(
@@ -85,7 +85,7 @@ def packages(root: Path = ROOT) -> Iterator[Finding]:
 
 
 def libraries() -> Iterator[Finding]:
-    """The native code of the libraries loads; each in a process of its own, since it may end it."""
+    """Check that the libraries' native code loads, each in its own process, since loading may crash it."""
     started, broken = {}, []
     for name in NATIVE_LIBRARIES:
         if (files := _native_files(name)) is None:
@@ -116,7 +116,7 @@ def libraries() -> Iterator[Finding]:
 
 
 def _native_files(name: str) -> list[str] | None:
-    """The native code of a library, which is not imported; None if there is no such library."""
+    """Return the native files of a library without importing it; None if there is no such library."""
     found = importlib.util.find_spec(name)
     if found is None or found.origin is None:
         return None

@@ -1,4 +1,4 @@
-"""The machine: platform, Python, CPU, memory, disk, clock, loopback, display."""
+"""Checks the machine: platform, Python, CPU, memory, disk, clock, loopback, display."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ PYTHON_VERSIONS = ((3, 11), (3, 12), (3, 13))
 MACHINES = ("x86_64", "aarch64")
 MIN_CORES = 2
 MIN_MEMORY_MIB = 1024
-"""Memory that a fleet of five robots with its recording takes, and some more."""
+"""Memory that a fleet of five robots with its recording needs, plus a reserve."""
 _EARLIEST_DATE_S = 1_735_689_600
-"""2025-01-01 UTC [s]; a clock before it was never set."""
+"""2025-01-01 UTC [s]; an earlier clock was never set."""
 _STEP_S = 0.05
 
 
 def python_version() -> Iterator[Finding]:
-    """CPython 3.11 to 3.13, for which the lock holds."""
+    """Check for CPython 3.11 to 3.13, which the lock covers."""
     version = platform.python_version()
     if sys.version_info[:2] in PYTHON_VERSIONS and sys.implementation.name == "cpython":
         yield ok("python", f"{version} at {sys.executable}")
@@ -41,7 +41,7 @@ def python_version() -> Iterator[Finding]:
 
 
 def platform_supported() -> Iterator[Finding]:
-    """Linux on x86_64 or ARM."""
+    """Check for Linux on x86_64 or ARM."""
     here = f"{platform.system()} {platform.release()} on {platform.machine()}"
     if platform.system() == "Linux" and platform.machine() in MACHINES:
         yield ok("platform", here)
@@ -50,7 +50,7 @@ def platform_supported() -> Iterator[Finding]:
 
 
 def physics_engines() -> Iterator[Finding]:
-    """At least one physics engine is installed."""
+    """Check that at least one physics engine is installed."""
     found = [each for each in ENGINES if has_engine(each)]
     if not found:
         yield fail("engines", f"none of {', '.join(ENGINES)} is installed", "remove .venv and start ./elea again")
@@ -61,7 +61,7 @@ def physics_engines() -> Iterator[Finding]:
 
 
 def cores_and_memory() -> Iterator[Finding]:
-    """Cores and memory."""
+    """Check the number of cores and the memory."""
     import psutil
 
     cores, memory = len(os.sched_getaffinity(0)), psutil.virtual_memory()
@@ -80,7 +80,7 @@ def cores_and_memory() -> Iterator[Finding]:
 
 
 def clock() -> Iterator[Finding]:
-    """A wall clock that was set and does not step; control does not use it, logs and recordings do."""
+    """Check that the wall clock is set and does not step; control does not use it, logs and recordings do."""
     before = time.time() - time.monotonic()
     time.sleep(_STEP_S)
     step = abs(time.time() - time.monotonic() - before)
@@ -97,7 +97,7 @@ def clock() -> Iterator[Finding]:
 
 
 def loopback() -> Iterator[Finding]:
-    """127.0.0.1 carries data."""
+    """Check that 127.0.0.1 transports data."""
     try:
         with (
             socket.create_server(("127.0.0.1", 0)) as server,
@@ -127,7 +127,7 @@ VULKAN_INSTALL_HINT = "on Debian: apt install --no-install-recommends libvulkan1
 
 
 def display(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
-    """A display that answers; without one the viewer does not open by itself."""
+    """Check for a working display; without one the viewer does not open by itself."""
     wayland, x = environment.get("WAYLAND_DISPLAY", ""), environment.get("DISPLAY", "")
     if wayland:
         path = Path(environment.get("XDG_RUNTIME_DIR", "/run/user/0")) / wayland
@@ -155,7 +155,7 @@ def display(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
 
 
 def vulkan() -> Iterator[Finding]:
-    """The loader and a driver of Vulkan, with which the viewer draws."""
+    """Check for a Vulkan loader and driver, which the viewer needs to draw."""
     try:
         ctypes.CDLL("libvulkan.so.1")
     except OSError:
@@ -176,18 +176,18 @@ def vulkan() -> Iterator[Finding]:
 
 
 LOW_DISK_MIB, MIN_DISK_MIB = 2048, 64
-"""Free space: an hour of a recorded lab takes about 1 GiB."""
+"""Free space [MiB] below which to warn, and to fail: an hour of a recorded lab takes about 1 GiB."""
 
 
 def run_folder_writable(runs: Path | None = None) -> Iterator[Finding]:
-    """The folder of the runs can be written, and there is room."""
+    """Check that the folder of the runs is writable and has free space."""
     yield from _check_writable(
         "run folder", runs or runs_folder(), "choose another with ./elea up --runs DIR, or fix its ownership: chown"
     )
 
 
 def state_folder_writable() -> Iterator[Finding]:
-    """The folder that says which fleets run can be written."""
+    """Check that the folder with the list of running fleets is writable."""
     yield from _check_writable("state folder", instances_folder(), "set ELEA_HOME to a folder of yours")
 
 
@@ -204,7 +204,7 @@ def _check_writable(name: str, path: Path, do: str) -> Iterator[Finding]:
 
 
 def disk_space(name: str, path: Path, free: int) -> Finding:
-    """Whether ``free`` bytes are room enough on the disk of ``path``."""
+    """Check whether ``free`` bytes are enough on the disk of ``path``."""
     mib = free // 2**20
     if mib < MIN_DISK_MIB:
         return fail(name, f"{path}: {mib} MiB are free", "free space on this disk: runs/ holds old recordings")

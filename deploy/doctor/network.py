@@ -1,4 +1,4 @@
-"""Ports, the router, and what the nodes of the network say of themselves."""
+"""Checks ports and the router, and reports the nodes' own health data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from services.runtime.transport.zenoh_config import is_local
 
 VIEWER_PORT = 9876
 MOST_ALIKE = 3
-"""Topics, or nodes, of which the same is said one by one."""
+"""Maximum number of topics or nodes with the same finding that are reported one by one."""
 
 
 def ports(place: NetworkAddress) -> Iterator[Finding]:
@@ -46,7 +46,7 @@ def ports(place: NetworkAddress) -> Iterator[Finding]:
 
 
 def _sockets(router: str) -> Iterator[Finding]:
-    """Whether a router can listen on a Unix socket."""
+    """Check whether a router can listen on a Unix socket."""
     folder = path_of(router).parent
     try:
         make_private(folder)
@@ -77,7 +77,9 @@ def access() -> Iterator[Finding]:
 
 
 def router(place: NetworkAddress, asked: bool) -> Iterator[Finding]:
-    """The router answers, the nodes beat, and nothing is lost or refused; ``asked`` when a router was named."""
+    """Check that the router answers, nodes publish heartbeats, and nothing is lost or refused; ``asked`` if a router
+    was named.
+    """
     if not asked and not running_fleets():
         yield ok("router", "no fleet is running")
         return
@@ -167,7 +169,7 @@ def nodes(
 
 
 def _losses(beat: Health, cause: Callable[[str, Health], str] | None) -> Iterator[Finding]:
-    """The losses of a node; of many topics with the same cause, in one finding."""
+    """Report the losses of a node; several topics with the same cause in one finding."""
     name, by_cause = beat.node, dict[str, list[InputHealth]]()
     for each in beat.inputs:
         if each.lost:
@@ -204,5 +206,5 @@ def _advice(router: str, fleets: Sequence[FleetInstance]) -> str:
 
 
 def _fleet_at(router: str, fleets: Sequence[FleetInstance]) -> FleetInstance | None:
-    """The running fleet with its router at an endpoint."""
+    """Return the running fleet whose router has this endpoint."""
     return next((each for each in fleets if router in (fleet_router(each), *each.listen)), None)

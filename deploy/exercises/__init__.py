@@ -1,4 +1,4 @@
-"""Exercises: a folder each, with a fleet, a world, a controller to complete and a test that grades it."""
+"""Exercises: folders with a fleet, a world, a controller to complete and a test that grades it."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ EXERCISES = ("obstacle_avoidance",)
 """The exercises that come with Elea."""
 
 TEMPLATE = ".template"
-"""Ending of a Python file that becomes part of an exercise, and is none of this project's."""
+"""Suffix of Python files that are copied into an exercise and are not code of this project."""
 
 _HERE = Path(__file__).resolve().parent
 
 
 def make_exercise(name: str, kind: str, parent: Path) -> Path:
-    """Make the folder of an exercise.
+    """Create the folder of an exercise.
 
     Args:
-        name: Of the folder and its fleet, a letter first, then letters, digits and underscores.
+        name: Name of the folder and its fleet: a letter first, then letters, digits and underscores.
         kind: One of ``EXERCISES``.
-        parent: The folder that it is made in.
+        parent: The folder in which to create it.
 
     Returns:
         The new folder.
 
     Raises:
-        BadInput: The name is not valid, or the folder exists already or cannot be written.
+        BadInput: The name is not valid, or the folder exists or cannot be written.
     """
     if kind not in EXERCISES:
         raise unknown_name("exercise", kind, EXERCISES)

@@ -1,1 +1,1 @@
-"""Launch files of ROS 1: read as roslaunch reads them, and made into fleets."""
+"""ROS 1 launch files: read as roslaunch reads them, and converted to fleets."""

@@ -1,4 +1,4 @@
-"""Makes a fleet file of a launch file: robots of what is spawned, services of nodes, the tree of its parameters."""
+"""Converts a launch file to a fleet file: spawned models to robots, nodes to services, parameters to a tree."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ from services.runtime.errors import BadInput, did_you_mean
 from services.script.inspect_script import imported_modules, read_script
 
 WORLD_NAMES = (("turtlebot3_house", "house"), ("turtlebot3_stage", "arena"), ("turtlebot3_world", "arena"))
-"""Worlds of ours for published ones whose files are not here."""
+"""Worlds of ours that replace well-known ones whose files are missing."""
 
 RESERVED = (*BUILTIN_SERVICES, "supervisor")
-"""Names of the nodes in the root namespace that every fleet has."""
+"""Names of nodes in the root namespace that every fleet has."""
 TERMINAL_MODULES = frozenset(
     ["termios", "tty", "curses", "pynput", "keyboard", "msvcrt", "readchar", "getch", "getkey"]
 )
-"""A program that imports one of these reads keys from its own terminal."""
+"""Modules that read keys: a program that imports one needs its own terminal."""
 
 INTERPRETERS = ("xterm", "gnome-terminal", "konsole", "gdb", "valgrind", "bash", "sh")
 
 
 @dataclass
 class FleetOfLaunch:
-    """A fleet file as a table, with what the user should know: ``notes``, and ``by_hand``, commands to type.
+    """A fleet file as a table, with ``notes`` for the user and ``by_hand``, commands to type.
 
-    ``has_gazebo`` says that it brings a world of its own; a launch file without one may join a running fleet.
+    ``has_gazebo``: the launch file starts a world; one without may join a running fleet.
     """
 
     table: dict[str, Any]
@@ -62,25 +62,25 @@ class FleetOfLaunch:
     by_hand: list[str] = field(default_factory=list)
 
     def show_programs(self) -> None:
-        """Show what all programs print."""
+        """Show the output of all programs."""
         for service in self.table.get("service", ()):
             if "/" in service["kind"]:
                 service["output"] = "screen"
 
     def toml(self) -> str:
-        """The fleet file as text, with the notes above it."""
+        """Return the fleet file as text, with the notes above it."""
         notes = [f"# {line}\n" for note in (*self.notes, *self.by_hand) for line in note.splitlines()]
         return "".join(notes) + ("\n" if notes else "") + _toml(self.table)
 
 
 def fleet_of_launch(launch: Launch, packages: LaunchPackages, test: LaunchNode | None = None) -> FleetOfLaunch:
-    """The fleet of a launch file, with one of its tests; raises BadInput, with file and line."""
+    """Convert a launch file, with one of its tests, to a fleet; raises BadInput, with file and line."""
     maker = _Maker(launch, packages)
     return maker.fleet() if test is None else maker.with_test(test)
 
 
 def model_folders(packages: LaunchPackages) -> tuple[Path, ...]:
-    """The folders for ``package://`` and ``model://``, with those that packages export to Gazebo."""
+    """Return the folders for ``package://`` and ``model://``, including those that packages export to Gazebo."""
     folders = [*packages.workspace.packages().values(), *packages.workspace.roots]
     for folder in packages.workspace.packages().values():
         folders += _exported(folder, "gazebo_model_path")
@@ -89,7 +89,7 @@ def model_folders(packages: LaunchPackages) -> tuple[Path, ...]:
 
 
 def _exported(folder: Path, attribute: str) -> list[Path]:
-    """The folders that a package.xml exports to Gazebo: of models, or, as ``gazebo_media_path``, of worlds."""
+    """Return the folders that a package.xml exports to Gazebo: of models, or, with ``gazebo_media_path``, of worlds."""
     try:
         root = ElementTree.fromstring((folder / "package.xml").read_bytes())
     except (OSError, ElementTree.ParseError):
@@ -133,7 +133,7 @@ class _Maker:
         return FleetOfLaunch(table, bool(self._gazebo), launch.notes, self._by_hand)
 
     def with_test(self, test: LaunchNode) -> FleetOfLaunch:
-        """The fleet with a program whose end is that of the run."""
+        """Return the fleet with a test program whose end is that of the run."""
         path = self._packages.script(test.package, test.type)
         if path is None:
             raise BadInput(
@@ -196,7 +196,9 @@ class _Maker:
         return "empty"
 
     def _world_file(self, node: LaunchNode, given: str) -> Path:
-        """Where Gazebo finds a world: a relative one in its resource path and in the folders that packages export."""
+        """Return the path where Gazebo finds a world: a relative one in its resource path and in folders exported by
+        packages.
+        """
         set_by = dict(node.environment).get("GAZEBO_RESOURCE_PATH", os.environ.get("GAZEBO_RESOURCE_PATH", ""))
         folders = [node_folder(node), *map(Path, filter(None, set_by.split(os.pathsep)))]
         for package in self._packages.workspace.packages().values():
@@ -234,7 +236,7 @@ class _Maker:
             self._left_out(node)
 
     def _service_of(self, node: LaunchNode) -> Callable[[LaunchNode], None] | None:
-        """What makes the service that does the work of a well-known node; None if there is none."""
+        """Return the method that adds the service for a well-known node; None if there is none."""
         if known_nodes.is_static_transform(node):
             return self._static_transform
         if known_nodes.is_controller_spawner(node):
@@ -272,7 +274,7 @@ class _Maker:
         self._services.append(service | self._life(node))
 
     def _life(self, node: LaunchNode) -> dict[str, Any]:
-        """How a node is supervised: roslaunch starts one again only with ``respawn``."""
+        """Return a node's supervision: roslaunch restarts one only with ``respawn``."""
         restart: Any = "never"
         if node.respawn:
             first = min(max(node.respawn_delay, 0.1), 60.0)
@@ -280,7 +282,7 @@ class _Maker:
         return {"restart": restart, **({"required": True} if node.required else {})}
 
     def _add(self, node: LaunchNode, kind: str, parameters: dict[str, Any]) -> None:
-        """Add a service of ours under the node's name."""
+        """Add one of Elea's services under the node's name."""
         service: dict[str, Any] = {"kind": kind, "name": self._free_name(node)}
         if node.namespace != "/":
             service["namespace"] = node.namespace
@@ -289,7 +291,9 @@ class _Maker:
         self._services.append(service)
 
     def _free_name(self, node: LaunchNode) -> str:
-        """The name of a node; another one, with its private parameters, where every fleet has a node of this name."""
+        """Return a node's name; if every fleet has a node of this name, another one, to which private parameters are
+        copied.
+        """
         if node.namespace != "/" or node.name not in RESERVED:
             return node.name
         name, tree = f"{node.name}_node", self._launch.parameters
@@ -323,7 +327,7 @@ class _Maker:
         self._launch.note(f"{node.where}: {node.what} is left out: {why}")
 
     def _thing(self, spawn: Spawn) -> None:
-        """A spawned model that is not a robot: our program of that name puts it there."""
+        """Add a program that spawns a model that is not a robot."""
         if spawn in self._robots:
             return
         service: dict[str, Any] = {"kind": str(STAND_INS / "gazebo_ros/scripts/spawn_model"), "name": spawn.node.name}
@@ -380,7 +384,7 @@ class _Maker:
         )
 
     def _inline_controllers(self, namespace: str, names: list[str]) -> str:
-        """What the parameters say of these controllers, as the content of a file; "" if one has no type there."""
+        """Return the parameters of these controllers as the content of a file; "" if one has no type there."""
         tree: dict[str, Any] = {}
         for name in (*names, join_names(namespace, "gazebo_ros_control")):
             try:
@@ -412,7 +416,7 @@ class _Maker:
         self._add(node, "state", {**own, "model": found} if found else own)
 
     def _described(self, node: LaunchNode) -> str:
-        """The model that the nearest ``robot_description`` of a node names; "" if there is none."""
+        """Return the model named by the nearest ``robot_description`` above a node; "" if there is none."""
         parts = [each for each in node.namespace.split("/") if each]
         for count in range(len(parts), -1, -1):
             key = join_names("/" + "/".join(parts[:count]), "robot_description")
@@ -438,7 +442,7 @@ class _Maker:
         self._once({"kind": "panel"})
 
     def _descriptions(self) -> None:
-        """Put the descriptions that no robot of the fleet has into the tree, as far as they can be made."""
+        """Add the robot descriptions that no robot of the fleet uses to the tree, if they can be expanded."""
         spawned, files = {each.parameter for each in self._robots}, [each.source for each in self._robots]
         scripts = any("/" in each["kind"] for each in self._services)
         for key, description in self._launch.descriptions.items():
@@ -455,7 +459,7 @@ def _fleet_name(path: Path) -> str:
 
 
 def _toml(table: dict[str, Any]) -> str:
-    """A fleet file as people write one: a table for each robot and service, what is in them on one line each."""
+    """Format a fleet file as by hand: a table for each robot and service, with nested tables inline."""
     parts = ["".join(f"{name} = {_inline(each)}\n" for name, each in table.items() if isinstance(each, str))]
     parts += [f"[run]\n{_lines(table['run'])}"]
     for name in ("robot", "service"):

@@ -1,4 +1,4 @@
-"""Runs the nodes of a launch file beside a fleet that runs already, as a second roslaunch joins the same master."""
+"""Runs the nodes of a launch file alongside a running fleet, like a second roslaunch that joins the same master."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from services.runtime.network_address import NetworkAddress, fleet_router
 from services.runtime.process import PARENT, ROOT
 
 ROSCORE = "roscore"
-"""The fleet of ``roscore``: a launch file that brings a world takes its place."""
+"""The fleet of ``roscore``; it is replaced by a launch file that starts a world."""
 
 STOP_S = 5.0
-"""Wall time that a process has to end after SIGINT."""
+"""Wall time that a process has to exit after each signal."""
 _POLL_S = 0.1
 _CALL_S = 5.0
 _SINGLE = ("logger", "panel", "recorder", "state", *BUILTIN_SERVICES)
-"""Services of which the running fleet has its own; the simulation publishes the states of its robots."""
+"""Services that only the running fleet provides; the simulation publishes its robots' states."""
 
 
 @dataclass
 class _Life:
-    """One process, its restarts, and when it is started next."""
+    """One process, its restarts, and the time of its next start."""
 
     spec: ProcessSpec
     process: subprocess.Popen[bytes] | None = None
@@ -52,8 +52,10 @@ class _Life:
 
 
 def join_fleet(fleet: Fleet, running: FleetInstance) -> int:
-    """Spawn the robots, set the parameters and run the services of a fleet beside the ``running`` one, until all have
-    ended or Ctrl-C; the exit status."""
+    """Spawn the robots, set the parameters and run the services of a fleet in the ``running`` one.
+
+    Returns the exit status once all have ended, or after Ctrl-C.
+    """
     place = NetworkAddress(fleet_router(running), running.domain)
     sys.stderr.write(f"joining the fleet {running.fleet}\n")
     _set_parameters(fleet, place)
@@ -67,7 +69,7 @@ def join_fleet(fleet: Fleet, running: FleetInstance) -> int:
 
 
 def stop_fleet(running: FleetInstance) -> None:
-    """End a fleet that makes room, and wait for its end; raises EleaError."""
+    """Stop a fleet that is replaced, and wait for its end; raises EleaError."""
     sys.stderr.write(f"the fleet {running.fleet} makes room\n")
     handle = os.pidfd_open(running.pid)
     try:
@@ -79,7 +81,7 @@ def stop_fleet(running: FleetInstance) -> None:
 
 
 def _models(place: NetworkAddress) -> int:
-    """How many models there are in the running simulation."""
+    """Return the number of models in the running simulation."""
     from messages.requests import LIST
     from messages.std import Empty
     from services.runtime.light_node import open_transport
@@ -110,7 +112,7 @@ def _set_parameters(fleet: Fleet, place: NetworkAddress) -> None:
 
 
 def _spawn(robot: RobotConfig, fleet: Fleet, place: NetworkAddress, alone: bool) -> None:
-    """Spawn a robot; only where it is ``alone`` its frames may be without a prefix."""
+    """Spawn a robot; only if it is ``alone``, its frames may have no prefix."""
     words = [robot.model, robot.name, "--connect", place.router, "--namespace", robot.namespace or f"/{robot.name}"]
     words += ["--domain", place.domain] if place.domain else []
     if robot.frame_prefix or (robot.frame_prefix == "" and alone):
@@ -128,7 +130,7 @@ def _spawn(robot: RobotConfig, fleet: Fleet, place: NetworkAddress, alone: bool)
 
 
 def _joined(spec: ProcessSpec, place: NetworkAddress) -> ProcessSpec:
-    """A process with the running fleet's router in its command line, in place of that of its own fleet."""
+    """Return a process that connects to the running fleet's router instead of its own fleet's."""
     argv = list(spec.argv)
     if "--connect" in argv:
         index = argv.index("--connect")
@@ -137,7 +139,7 @@ def _joined(spec: ProcessSpec, place: NetworkAddress) -> ProcessSpec:
 
 
 class Programs:
-    """The programs that were started, until all have ended, a required one has, or a signal comes."""
+    """Programs that run until all have ended, a required one has, or a signal arrives."""
 
     def __init__(self, specs: Sequence[ProcessSpec]) -> None:
         self._lives = [_Life(each) for each in specs]
@@ -145,9 +147,9 @@ class Programs:
         self._status = 0
 
     def run(self) -> int:
-        """Run them; the exit status: 1 if one has died, 130 for an interrupt."""
+        """Run them; return the exit status: 1 if one has failed, 130 for an interrupt."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.default_int_handler)  # also where a shell has it ignored
+            signal.signal(number, signal.default_int_handler)  # also if the shell made the process ignore it
         try:
             while any(not each.done for each in self._lives):
                 if any(self._look_at(each) for each in self._lives if not each.done):
@@ -160,7 +162,7 @@ class Programs:
         return self._status
 
     def _look_at(self, life: _Life) -> bool:
-        """Start a program, or see to its end; whether all must end with it."""
+        """Start a program, or handle its end; return whether all others must end with it."""
         now, name = time.monotonic(), life.spec.name
         if life.process is None:
             life.process = _start(life.spec) if now >= life.due else None

@@ -1,4 +1,4 @@
-"""Well-known nodes of ROS: the part of Elea that replaces each, or a remark for one that has no replacement."""
+"""Well-known ROS nodes: the part of Elea that replaces each, or why one has no replacement."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOTHING_TO_DO: dict[tuple[str, str], str] = {
     ("rosserial_python", "serial_node.py"): "the simulation is the robot's hardware",
     ("hls_lfcd_lds_driver", "*"): "the simulation is the robot's laser",
 }
-"""Nodes that need no process here, with why."""
+"""Nodes that need no process here, with the reason."""
 
 KEYBOARDS = {
     ("teleop_twist_keyboard", "*"): "./elea teleop",
@@ -34,10 +34,10 @@ KEYBOARDS = {
     ("teleop_twist_joy", "*"): "./elea teleop",
     ("joy", "*"): "./elea teleop",
 }
-"""Nodes that a person operates: they need a terminal of their own, in which this command does their work."""
+"""Interactive nodes: they need their own terminal, in which this command replaces them."""
 
 VIEWERS = {("rviz", "*"), ("gazebo_ros", "gzclient"), ("gazebo_ros", "gazebo"), ("rqt_rviz", "*")}
-"""Nodes in whose place the viewer opens."""
+"""Nodes that are replaced by the viewer."""
 
 PANELS = {
     "rqt_gui",
@@ -49,7 +49,7 @@ PANELS = {
     "image_view",
     "plotjuggler",
 }
-"""Packages in whose place the panel is served."""
+"""Packages that are replaced by the panel."""
 PANELS |= {"rqt_robot_steering", "rqt_steering", "rqt_tf_tree", "rqt_topic", "rqt_publisher", "rqt_logger_level"}
 
 NOT_HERE = {
@@ -64,11 +64,11 @@ NOT_HERE = {
     "nodelet": "nodelets are C++",
     "rosbag": "./elea bag record and ./elea bag play do this",
 }
-"""Why well-known packages are left out."""
+"""Why well-known packages are not supported."""
 
 
 def lookup(table: dict[tuple[str, str], str], node: LaunchNode) -> str | None:
-    """The entry of a node by its package and type, or of all nodes of its package; None if there is none."""
+    """Return the entry of a node by its package and type, or of all nodes of its package; None if there is none."""
     kind = node.type.removesuffix(".py")
     return next(
         (table[key] for key in ((node.package, kind), (node.package, node.type), (node.package, "*")) if key in table),
@@ -77,32 +77,32 @@ def lookup(table: dict[tuple[str, str], str], node: LaunchNode) -> str | None:
 
 
 def is_viewer(node: LaunchNode) -> bool:
-    """Whether the viewer stands for a node."""
+    """Return whether the viewer replaces a node."""
     return (node.package, node.type) in VIEWERS or (node.package, "*") in VIEWERS
 
 
 def is_panel(node: LaunchNode) -> bool:
-    """Whether the panel stands for a node."""
+    """Return whether the panel replaces a node."""
     return node.package in PANELS
 
 
 def is_gazebo(node: LaunchNode) -> bool:
-    """Whether a node is Gazebo itself."""
+    """Return whether a node is Gazebo itself."""
     return node.package == "gazebo_ros" and node.type in ("gazebo", "gzserver", "debug", "perf")
 
 
 def is_static_transform(node: LaunchNode) -> bool:
-    """Whether a node publishes a constant transform."""
+    """Return whether a node publishes a static transform."""
     return node.package in ("tf", "tf2_ros") and node.type == "static_transform_publisher"
 
 
 def is_controller_spawner(node: LaunchNode) -> bool:
-    """Whether a node starts controllers of ros_control."""
+    """Return whether a node starts ros_control controllers."""
     return node.package == "controller_manager" and node.type in ("spawner", "controller_manager", "spawner.py")
 
 
 def static_transform(node: LaunchNode) -> dict[str, Any]:
-    """The parameters of a static transform from the arguments of tf or tf2_ros; raises BadInput.
+    """Return a static transform's parameters from the arguments of tf or tf2_ros; raises BadInput.
 
     ``x y z yaw pitch roll frame child [period]`` or ``x y z qx qy qz qw frame child [period]``.
     """
@@ -126,7 +126,7 @@ def static_transform(node: LaunchNode) -> dict[str, Any]:
 
 
 def world_argument(node: LaunchNode) -> str:
-    """The world that Gazebo is started with; "" for none."""
+    """Return the world that Gazebo is started with; "" without one."""
     words = shlex.split(node.args)
     skip = False
     for word in words:
@@ -140,6 +140,6 @@ def world_argument(node: LaunchNode) -> str:
 
 
 def map_file(node: LaunchNode) -> Path | None:
-    """The file of a map server; None without one."""
+    """Return the map file of a map server; None without one."""
     words = [each for each in shlex.split(node.args) if ":=" not in each]
     return Path(words[0]) if words else None

@@ -1,4 +1,4 @@
-"""Reads a launch file as roslaunch does, with all that it includes, into nodes, parameters and notes."""
+"""Reads a launch file with its includes as roslaunch does, into nodes, parameters and notes."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from services.runtime.errors import BadInput, did_you_mean, unknown_name
 from services.script.inspect_script import legal_node_name
 
 MAX_INCLUDES = 500
-"""Files that one launch file may include, in all."""
+"""Maximum number of includes of one launch file in total."""
 MAX_DEPTH = 40
-"""How deep includes may be nested."""
+"""Maximum depth of includes."""
 
 _CONDITION = {"if": False, "unless": False}
 _FOUND = re.compile(r"\$\(find\s+([\w.-]+)\s*\)")
-"""A package that a path begins with."""
+"""The package with which a path begins."""
 TAGS = ("arg", "param", "rosparam", "node", "include", "group", "remap", "env", "machine", "test", "master")
 
 
@@ -69,14 +69,14 @@ class LaunchNode:
 
 @dataclass(frozen=True)
 class LoadedFile:
-    """A YAML file that was loaded below a namespace, with its content."""
+    """A YAML file loaded below a namespace, with its content."""
 
     namespace: str
     file: Path
     tree: Tree
 
     def sets(self, name: str) -> bool:
-        """Whether it sets a parameter or a table of parameters, by its absolute name."""
+        """Return whether it sets a parameter or a table of parameters, by its absolute name."""
         value: Any = self.tree
         prefix = self.namespace.rstrip("/") + "/"
         if not name.startswith(prefix):
@@ -90,7 +90,7 @@ class LoadedFile:
 
 @dataclass
 class Launch:
-    """What a launch file says. ``descriptions`` are parameters whose values robots' files give, by absolute name."""
+    """The content of a launch file. ``descriptions`` are parameters set from robot files, by absolute name."""
 
     path: Path
     nodes: list[LaunchNode] = field(default_factory=list)
@@ -99,16 +99,16 @@ class Launch:
     descriptions: dict[str, Description] = field(default_factory=dict)
     loaded: list[LoadedFile] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
-    """Why includes were left out: their packages are not here."""
+    """The reasons for omitted includes: their packages are missing."""
     notes: list[str] = field(default_factory=list)
 
     def note(self, text: str) -> None:
-        """Add what the user should know, once."""
+        """Add a note for the user, once."""
         if text not in self.notes:
             self.notes.append(text)
 
     def search_parameter(self, namespace: str, key: str) -> Any:
-        """The value of the nearest parameter of this name from a namespace upwards; None if there is none."""
+        """Return the value of the nearest parameter of this name from a namespace upwards; None if there is none."""
         parts = [each for each in namespace.split("/") if each]
         for count in range(len(parts), -1, -1):
             here: Any = self.parameters
@@ -121,7 +121,7 @@ class Launch:
 
 @dataclass(frozen=True)
 class Argument:
-    """An ``<arg>`` of a launch file: ``default`` is None where it must be given; ``value`` if it is fixed."""
+    """An ``<arg>`` of a launch file: ``default`` is None if it is required; ``value`` if it is fixed."""
 
     name: str
     default: str | None
@@ -132,7 +132,7 @@ class Argument:
 
 @dataclass(frozen=True)
 class _Scope:
-    """What holds at a place of a launch file; a group has its own."""
+    """Namespace, remaps, environment and private parameters at a point of a launch file; a group has its own."""
 
     namespace: str
     remaps: list[tuple[str, str]]
@@ -150,7 +150,7 @@ class _Scope:
 
 
 def read_launch(path: Path, arguments: Mapping[str, str], packages: LaunchPackages) -> Launch:
-    """Read a launch file with the arguments of the command line; raises BadInput, with file and line."""
+    """Read a launch file with the command line's arguments; raises BadInput, with file and line."""
     launch = Launch(path)
     reader = _Reader(launch, packages)
     reader.file(path, _Scope("/", [], [], []), dict(arguments), depth=0)
@@ -163,7 +163,7 @@ def read_launch(path: Path, arguments: Mapping[str, str], packages: LaunchPackag
 
 
 def declared_arguments(path: Path) -> list[Argument]:
-    """The arguments that a launch file declares, those of groups included; raises BadInput."""
+    """Return the arguments that a launch file declares, including those in groups; raises BadInput."""
 
     def below(element: LaunchElement) -> Iterator[LaunchElement]:
         for each in element.children:
@@ -181,7 +181,7 @@ def declared_arguments(path: Path) -> list[Argument]:
 
 
 def join_names(namespace: str, name: str) -> str:
-    """A name in a namespace; an absolute one stays."""
+    """Return a name in a namespace; an absolute name stays."""
     if name.startswith("/"):
         return "/" + "/".join(part for part in name.split("/") if part)
     return "/" + "/".join(part for part in (*namespace.split("/"), *name.split("/")) if part)
@@ -198,7 +198,7 @@ def _check_names(launch: Launch) -> None:
 
 
 class _Reader:
-    """The state of one reading: the launch that grows, and the files that are open."""
+    """The state of a read: the launch under construction, and the open files."""
 
     def __init__(self, launch: Launch, packages: LaunchPackages) -> None:
         self.launch, self.packages = launch, packages
@@ -208,9 +208,9 @@ class _Reader:
         self._anonymous: dict[str, str] = {}
 
     def file(self, path: Path, scope: _Scope, given: Mapping[str, str], depth: int) -> set[str]:
-        """Read a file with the arguments ``given`` to it; returns those that it declares.
+        """Read a file with the arguments ``given`` to it; return those that it declares.
 
-        An included file has what it is given also where it does not declare it, as in ROS.
+        An included file can use arguments that it does not declare, as in ROS.
         """
         root = read_launch_xml(path)
         arguments: dict[str, str] = dict(given) if depth else {}
@@ -243,7 +243,7 @@ class _Reader:
 
 
 class _File:
-    """One file being read: its arguments and substitutions."""
+    """A file being read: its arguments and substitutions."""
 
     def __init__(
         self, reader: _Reader, substitution: Substitution, arguments: dict[str, str], given: dict[str, str], depth: int
@@ -292,7 +292,7 @@ class _File:
             self._launch.note(text)
 
     def _unknown(self, element: LaunchElement, known: Sequence[str]) -> None:
-        """Note an element that roslaunch passes over."""
+        """Note an element that roslaunch ignores."""
         near = did_you_mean(element.tag, known)
         self._launch.note(f"{element.where}: <{element.tag[:40]}> is not an element here{near}; it is left out")
 
@@ -320,7 +320,7 @@ class _File:
         return join_names(scope.namespace, self._name(element, "ns"))
 
     def _name(self, element: LaunchElement, attribute: str) -> str:
-        """A namespace, with its odd characters replaced."""
+        """Return a namespace, with illegal characters replaced."""
         given = self._get(element, attribute).strip()
         parts = [legal_node_name(each) for each in given.split("/") if each]
         made = ("/" if given.startswith("/") else "") + "/".join(parts)
@@ -407,7 +407,7 @@ class _File:
         space = join_names(namespace, self._get(element, "ns"))
         key = join_names(space, self._get(element, "param").lstrip("~"))
         if command == "delete":
-            return  # the tree begins empty, and roslaunch deletes before it sets
+            return  # roslaunch deletes before it sets, and the tree is empty at first
         text, where = element.text, element.where
         file = self._get(element, "file")
         if file:
@@ -555,7 +555,7 @@ class _File:
             )
 
     def _leave_out(self, element: LaunchElement) -> bool:
-        """Leave out the include of a file whose package is not here, as its nodes would be; whether it is left out."""
+        """Omit the include of a file whose package is missing, as its nodes would be; return whether it was omitted."""
         for name in _FOUND.findall(element.attributes["file"]):
             try:
                 self._reader.packages.find(name)
@@ -567,7 +567,7 @@ class _File:
 
 
 def _clean(name: str) -> str:
-    """A name without the double and final slashes that ROS takes away."""
+    """Return a name without the double and trailing slashes, which ROS removes."""
     private, rest = ("~", name[1:]) if name.startswith("~") else ("", name)
     body = "/".join(part for part in rest.split("/") if part)
     return f"{private}{'/' if rest.startswith('/') and body and not private else ''}{body}"

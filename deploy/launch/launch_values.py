@@ -1,4 +1,4 @@
-"""The values of ``<param>`` and ``<rosparam>``: texts with types, files, YAML, and the output of xacro."""
+"""The values of ``<param>`` and ``<rosparam>``: typed text, files, YAML, and the output of xacro."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     import yaml
 
 MAX_FILE = 8 << 20
-"""Bytes of a file of parameters or of a text."""
+"""Maximum size [bytes] of a file of parameters or text."""
 TYPES = ("str", "string", "int", "double", "float", "bool", "boolean", "yaml", "auto")
 
 
 @dataclass(frozen=True)
 class Description:
-    """A robot's description that a file gives: a URDF, or a xacro with arguments. It is expanded when it is needed."""
+    """A robot description in a file: a URDF, or a xacro with arguments, which is expanded when needed."""
 
     file: Path
     arguments: tuple[tuple[str, str], ...] = ()
 
     def text(self, packages: Sequence[Path]) -> str:
-        """The URDF; raises BadInput."""
+        """Return the URDF; raises BadInput."""
         return _expanded(self.file, self.arguments, tuple(packages))
 
 
@@ -44,7 +44,7 @@ def _expanded(file: Path, arguments: tuple[tuple[str, str], ...], packages: tupl
 
 
 def convert_value(text: str, kind: str, where: str) -> Any:
-    """A text as a value of a type; raises BadInput."""
+    """Convert text to a type; raises BadInput."""
     try:
         match kind:
             case "auto":
@@ -65,12 +65,12 @@ def convert_value(text: str, kind: str, where: str) -> Any:
 
 
 def read_text(path: Path) -> str:
-    """The text of a file; raises BadInput."""
+    """Return the text of a file; raises BadInput."""
     return read_limited(path, MAX_FILE, "parameters").decode("utf-8", "replace")
 
 
 def read_parameters(text: str, where: str) -> Any:
-    """YAML as ``rosparam load`` takes it: also ``deg(90)``, ``rad(pi/2)``, ``!degrees 90`` and ``!!binary``.
+    """Parse YAML as ``rosparam load`` does, including ``deg(90)``, ``rad(pi/2)``, ``!degrees 90`` and ``!!binary``.
 
     Raises BadInput; ``where`` is a file, to which the line is added, or a place.
     """
@@ -86,7 +86,7 @@ def read_parameters(text: str, where: str) -> Any:
 
 
 def plain(value: Any, where: str) -> Any:
-    """A value of YAML as parameters have it: keys are text, dates are text, bytes as text in base 64; None is empty."""
+    """Convert a YAML value to a parameter: keys and dates become text, bytes base64 text, None an empty text."""
     if isinstance(value, dict):
         return {str(key): plain(each, where) for key, each in value.items() if each is not None}
     if isinstance(value, list | tuple | set):
@@ -99,7 +99,7 @@ def plain(value: Any, where: str) -> Any:
 
 
 def command_output(command: str, where: str) -> str | Description:
-    """What a ``command`` prints, of those that are known: xacro, ``cat`` and ``rosversion``. No other is run."""
+    """Return the output of a known ``command``: xacro, ``cat`` or ``rosversion``. No other is run."""
     try:
         program, *words = shlex.split(command.replace("\n", " "))
     except ValueError as error:
@@ -123,7 +123,7 @@ def command_output(command: str, where: str) -> str | Description:
 
 
 def description_of(text: str) -> str:
-    """The name of the robot that a URDF or an SDF as text describes; "" if it has none."""
+    """Return the robot's name in the text of a URDF or SDF; "" if it has none."""
     found = re.search(r"<(?:robot|model)\b[^>]*\bname\s*=\s*(['\"])([^'\"]*)\1", text)
     return found[2] if found else ""
 
@@ -133,7 +133,7 @@ def _loader() -> type[yaml.SafeLoader]:
     import yaml
 
     class Loader(yaml.SafeLoader):
-        """As ``yaml.SafeLoader``, with rosparam's angles."""
+        """``yaml.SafeLoader`` with rosparam's angles."""
 
     def angle(loader: yaml.SafeLoader, node: yaml.Node) -> float:
         text = str(node.value).strip()
@@ -150,7 +150,7 @@ def _loader() -> type[yaml.SafeLoader]:
 
 
 def _number(text: str) -> float:
-    """A sum or product of numbers and pi, as ``pi/2``."""
+    """Evaluate a sum or product of numbers and pi, e.g. ``pi/2``."""
     if not re.fullmatch(r"[\d\s.+\-*/()eEpi]*", text):
         raise ValueError(f"{text[:40]!r} is not an angle")
     names: Mapping[str, Any] = {"__builtins__": {}, "pi": math.pi}

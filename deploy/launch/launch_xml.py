@@ -1,4 +1,4 @@
-"""The XML of launch files as elements that know their file and line, within limits."""
+"""Parses the XML of launch files, within limits, into elements that know their file and line."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from models.input_file import read_limited
 from services.runtime.errors import BadInput, did_you_mean
 
 MAX_BYTES = 4 << 20
-"""Of a launch file; one of a large robot has some 20 kB."""
+"""Maximum size of a launch file [bytes]; that of a large robot has some 20 kB."""
 MAX_DEPTH = 64
 MAX_ELEMENTS = 50_000
 
 _LINE_NUMBER = re.compile(r"\s*\d+\s*(<|$)")
 _ARTEFACTS = {"£(": "$(", "€(": "$(", "“": '"', "”": '"', "’": "'", "</pre>": "/>", "&lt;": "<"}
-"""What copies of printed launch files have in place of the right characters."""
+"""Characters that copying from printed launch files replaces, and the right ones."""
 
 
 @dataclass
 class LaunchElement:
-    """An element, its text, and where it stands."""
+    """An element, its text, and its location."""
 
     tag: str
     attributes: dict[str, str]
@@ -35,7 +35,7 @@ class LaunchElement:
 
     @property
     def where(self) -> str:
-        """``file:line``, as errors begin."""
+        """``file:line``, the prefix of errors."""
         return f"{self.file}:{self.line}"
 
     def fail(self, text: str) -> NoReturn:
@@ -43,10 +43,10 @@ class LaunchElement:
         raise BadInput(f"{self.where}: {text}")
 
     def check_attributes(self, known: Mapping[str, bool]) -> Iterator[str]:
-        """What to say of each unknown attribute, which roslaunch passes over; raises BadInput for one that is missing.
+        """Yield a note for each unknown attribute, which roslaunch ignores; raises BadInput for a missing one.
 
         Args:
-            known: The attributes that it may have, with True those that it must have.
+            known: The allowed attributes; True for those that are required.
         """
         for name, needed in known.items():
             if needed and name not in self.attributes:
@@ -58,14 +58,14 @@ class LaunchElement:
 
 
 def read_launch_xml(path: Path) -> LaunchElement:
-    """The root ``<launch>`` of a file; raises BadInput, with the line."""
+    """Return the root ``<launch>`` of a file; raises BadInput, with the line."""
     raw = read_limited(path, MAX_BYTES, "a launch file")
     text = raw.decode("utf-8-sig", "replace")
     return parse_launch_xml(text, path)
 
 
 def parse_launch_xml(text: str, path: Path) -> LaunchElement:
-    """The root of a text; ``path`` is named in errors. Raises BadInput."""
+    """Return the root of a text; ``path`` is named in errors. Raises BadInput."""
     lines = text.splitlines()
     before = len(text) - len(text.lstrip())
     skipped, text = text[:before].count("\n"), text[before:]
@@ -116,7 +116,7 @@ def _reason(error: expat.ExpatError) -> str:
 
 
 def _hint(lines: list[str], number: int) -> str:
-    """What copying from a web page or PDF may have done to the lines up to an error."""
+    """Return what copying from a web page or PDF may have done to the lines up to an error."""
     for index in range(number - 1, max(-1, number - 4), -1):
         line = lines[index] if index < len(lines) else ""
         for wrong, right in _ARTEFACTS.items():

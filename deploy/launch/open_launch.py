@@ -14,11 +14,11 @@ from services.runtime.errors import BadInput
 from services.script.workspace import workspace_of
 
 ENDINGS = (".launch", ".test", ".xml")
-"""What the names of launch files end with."""
+"""Suffixes of launch files."""
 
 
 def find_launch(words: Sequence[str], here: Path) -> tuple[Path, LaunchPackages]:
-    """The launch file that ``PACKAGE FILE`` or a path means, and the packages around it; raises BadInput."""
+    """Return the launch file for ``PACKAGE FILE`` or a path, and the packages around it; raises BadInput."""
     if len(words) == 1:
         path = (here / Path(words[0]).expanduser()).absolute()
         if not path.is_file():
@@ -37,20 +37,20 @@ def find_launch(words: Sequence[str], here: Path) -> tuple[Path, LaunchPackages]
 
 
 def split_words(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Names and arguments ``x:=1`` of a command line."""
+    """Split a command line into names and arguments ``x:=1``."""
     names = [each for each in words if ":=" not in each]
     pairs = [each.partition(":=") for each in words if ":=" in each]
     return names, {name: value for name, _, value in pairs}
 
 
 def make_fleet(path: Path, arguments: Mapping[str, str], packages: LaunchPackages) -> tuple[Launch, FleetOfLaunch]:
-    """A launch file, and the fleet that it makes; raises BadInput."""
+    """Return a launch file, and the fleet made from it; raises BadInput."""
     launch = read_launch(path, arguments, packages)
     return launch, fleet_of_launch(launch, packages)
 
 
 def checked_fleet(path: Path, made: FleetOfLaunch, overrides: Sequence[str] = ()) -> Fleet:
-    """The fleet of a launch file as ``./elea up`` would read it; raises BadInput."""
+    """Return the fleet of a launch file as ``./elea up`` would read it; raises BadInput."""
     try:
         return parse_fleet(path.with_suffix(".toml"), made.toml(), overrides)
     except BadInput as error:

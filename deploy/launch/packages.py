@@ -1,4 +1,4 @@
-"""Packages for launch files: those on disk, and stand-ins for well-known ones that are not there."""
+"""Packages for launch files: those on disk, and stand-ins for well-known ones that are missing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.script.inspect_script import is_python
 from services.script.workspace import Workspace
 
 STAND_INS = Path(__file__).parent / "packages"
-"""Launch files of our own under the names of well-known ones, a folder for each package."""
+"""Launch files of ours under the names of well-known ones, in a folder for each package."""
 
 WITHOUT_FILES = frozenset(
     [
@@ -21,11 +21,11 @@ WITHOUT_FILES = frozenset(
         *("joint_state_publisher_gui", "teleop_twist_keyboard", "gazebo_plugins", "gazebo_ros_control"),
     ]
 )
-"""Packages of which files are named, but none is needed: a robot of ours stands for the description."""
+"""Packages whose files are not needed: one of our robots replaces the description."""
 
 _FOLDERS = ("scripts", "nodes", "src", "bin", "script", ".")
 MAX_SEARCHED = 5000
-"""Files of a package among which a node is looked for."""
+"""Maximum number of a package's files searched for a node."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class LaunchPackages:
     workspace: Workspace
 
     def find(self, name: str) -> Path:
-        """The folder of a package; raises BadInput with the nearest name."""
+        """Return the folder of a package; raises BadInput with the nearest name."""
         if (found := self.on_disk(name)) is not None:
             return found
         if name in WITHOUT_FILES or (STAND_INS / name).is_dir():
@@ -47,15 +47,15 @@ class LaunchPackages:
         )
 
     def on_disk(self, name: str) -> Path | None:
-        """The folder of a package that is really there; None if it is not."""
+        """Return the folder of a package on disk; None if it is missing."""
         return self.workspace.package_path(name)
 
     def names(self) -> list[str]:
-        """The packages that there are."""
+        """Return the names of the packages."""
         return sorted({*self.workspace.packages(), *WITHOUT_FILES, *_stand_ins()})
 
     def launch_file(self, package: str, name: str) -> Path:
-        """A launch file of a package by its name, wherever it lies in it; raises BadInput."""
+        """Return a launch file of a package by its name, in any folder of it; raises BadInput."""
         folder = self.find(package)
         for each in (folder, STAND_INS / package):
             found = sorted(path for path in _files_below(each) if path.name == name)
@@ -66,7 +66,7 @@ class LaunchPackages:
         raise BadInput(f"{package} in {folder} has no launch file {name}{did_you_mean(name, known)}{shown}")
 
     def included(self, path: Path) -> Path:
-        """The file of an include: of a well-known package the stand-in, where the file is not there."""
+        """Return the file of an include; for a missing file of a well-known package, the stand-in."""
         if path.is_file():
             return path
         for package in _stand_ins():
@@ -79,8 +79,9 @@ class LaunchPackages:
         raise BadInput(f"there is no file {path}{near}")
 
     def script(self, package: str, name: str) -> Path | None:
-        """The Python program of a node: by its name, with or without ``.py``, where packages keep programs, else
-        anywhere in it; else one of ours of the same name. None if there is none."""
+        """Return the Python program of a node: by its name, with or without ``.py``, in the usual folders of programs,
+        else anywhere in the package; else one of ours with that name. None if there is none.
+        """
         own = self.on_disk(package)
         for folder in (own, STAND_INS / package) if own is not None else (STAND_INS / package,):
             names = (name, f"{name}.py")
@@ -92,7 +93,7 @@ class LaunchPackages:
         return None
 
     def scripts(self, package: str) -> list[str]:
-        """The names of the Python programs of a package."""
+        """Return the names of a package's Python programs."""
         folder = self.on_disk(package)
         found = _files_below(folder) if folder else ()
         return sorted({each.name for each in found if is_python(each) and each.name not in ("setup.py", "__init__.py")})
@@ -103,7 +104,7 @@ def _stand_ins() -> list[str]:
 
 
 def _files_below(folder: Path) -> Iterator[Path]:
-    """The files of a package, those nearest to its root first; none of hidden folders, nor of packages inside it."""
+    """Yield the files of a package, nearest to its root first, without hidden folders and nested packages."""
     pending, seen = [folder], 0
     while pending and seen < MAX_SEARCHED:
         here = pending.pop(0)

@@ -34,16 +34,16 @@ _VALUES = {
     *("-param", "-file", "-database", "-model", "-x", "-y", "-z", "-R", "-P", "-Y", "-robot_namespace", "-namespace"),
     *("-reference_frame", "-gazebo_namespace", "-ros_namespace", "-wait"),
 }
-"""Options of ``spawn_model`` that a value follows."""
+"""Options of ``spawn_model`` that are followed by a value."""
 _DIFF_DRIVE = "diff_drive_controller"
 _SAME_WHEELS = 0.15
-"""Part by which dimensions of wheels may differ from ours and still mean them: those of Pioneers do by 8 %."""
+"""Relative tolerance within which wheel dimensions count as those of our model; those of Pioneers differ by 8 %."""
 _LIMITS = ("velocity", "acceleration", "jerk")
 
 
 @dataclass(frozen=True)
 class Spawn:
-    """A call of ``spawn_model``: what, under which name, where [m, rad], with its topics in ``namespace``."""
+    """A call of ``spawn_model``: model, name, pose [m, rad], and the ``namespace`` of its topics."""
 
     node: LaunchNode
     source: Description | str
@@ -54,11 +54,11 @@ class Spawn:
     parameter: str
     pose: Mapping[str, float] = field(default_factory=dict)
     joints: Mapping[str, float] = field(default_factory=dict)
-    """Positions of joints [rad or m] to start from."""
+    """Start positions of joints [rad or m]."""
 
 
 def is_spawn(node: LaunchNode) -> bool:
-    """Whether a node puts a model into Gazebo."""
+    """Return whether a node spawns a model in Gazebo."""
     return node.package == "gazebo_ros" and node.type.removesuffix(".py") in (
         "spawn_model",
         "spawn_urdf",
@@ -67,7 +67,7 @@ def is_spawn(node: LaunchNode) -> bool:
 
 
 def known_model(text: str) -> str:
-    """The robot of ours that a file or model of this name means; "" if it is another one."""
+    """Return the name of our robot for a file or model name; "" if it is another robot."""
     for pattern, name in _ALIASES:
         if found := re.search(pattern, Path(text).name, re.IGNORECASE):
             return name or found[1].lower()
@@ -75,7 +75,7 @@ def known_model(text: str) -> str:
 
 
 def read_spawn(node: LaunchNode, launch: Launch) -> Spawn:
-    """The arguments of a node that spawns; raises BadInput."""
+    """Parse the arguments of a node that spawns; raises BadInput."""
     try:
         words = shlex.split(node.args)
     except ValueError as error:
@@ -141,12 +141,12 @@ def _source(node: LaunchNode, launch: Launch, values: Mapping[str, str]) -> tupl
 
 
 def is_robot(spawn: Spawn) -> bool:
-    """Whether a robot is spawned, and not a thing that an SDF describes."""
+    """Return whether a robot is spawned, rather than an object described by an SDF."""
     return spawn.kind == "urdf" or bool(_known(spawn))
 
 
 def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path, ...]) -> dict[str, Any]:
-    """The table of a robot; a ``single`` one has frames without a prefix. Raises BadInput."""
+    """Return the table of a robot; a ``single`` one has frames without a prefix. Raises BadInput."""
     node, name = spawn.node, spawn.name
     model, arguments, display = _model(spawn, launch, packages)
     name = name or legal_node_name(display) or "robot"
@@ -169,7 +169,7 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
     if read_model(made).has_base:
         parameters["cmd_vel_timeout"] = 0.0
         if model in MODELS and read_model(made).drifts:
-            parameters["odometry"] = "world"  # what its plugin for Gazebo tells
+            parameters["odometry"] = "world"  # as stated by its Gazebo plugin
         for key, controller in diff_drive_controllers(launch.parameters, spawn.namespace):
             own = wheels if model in MODELS else None
             parameters.pop("odometry", None)
@@ -194,9 +194,9 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
 
 
 def _command_namespace(spawn: Spawn, packages: tuple[Path, ...]) -> str:
-    """The namespace in which the description has the commands of its drive: ``/p3dx`` for ``p3dx/cmd_vel``.
+    """Return the namespace of the drive's commands in the description: ``/p3dx`` for ``p3dx/cmd_vel``.
 
-    A model of ours stands for the description, without its tags; a description that cannot be read says nothing.
+    If the description is one of our models, or cannot be read, return the namespace of the spawn.
     """
     source = spawn.source
     if not isinstance(source, Description) or not source.file.is_file():
@@ -212,7 +212,7 @@ def _command_namespace(spawn: Spawn, packages: tuple[Path, ...]) -> str:
 
 
 def _start_positions(spawn: Spawn, model: str, launch: Launch) -> dict[str, float]:
-    """The positions of ``-J`` that the robot can take, as Gazebo leaves out the others."""
+    """Return the positions of ``-J`` that the robot can take; Gazebo also ignores the others."""
     kept = {}
     for joint, position in spawn.joints.items():
         try:
@@ -225,7 +225,7 @@ def _start_positions(spawn: Spawn, model: str, launch: Launch) -> dict[str, floa
 
 
 def node_folder(node: LaunchNode) -> Path:
-    """The folder of the launch file of a node."""
+    """Return the folder of a node's launch file."""
     return Path(node.where.rpartition(":")[0]).parent
 
 
@@ -243,7 +243,7 @@ def _known(spawn: Spawn) -> str:
 
 
 def _model(spawn: Spawn, launch: Launch, packages: tuple[Path, ...]) -> tuple[str, dict[str, str], str]:
-    """The model of a robot, the arguments of its xacro, and what it is called."""
+    """Return the model of a robot, the arguments of its xacro, and its display name."""
     where = spawn.node.where
     if known := _known(spawn):
         if isinstance(spawn.source, Description):
@@ -270,7 +270,7 @@ def _model(spawn: Spawn, launch: Launch, packages: tuple[Path, ...]) -> tuple[st
 
 
 def diff_drive_controllers(tree: Tree, namespace: str) -> Iterator[tuple[str, Tree]]:
-    """The diff_drive_controllers that are configured at or below a namespace, by their absolute names."""
+    """Yield the diff_drive_controllers configured at or below a namespace, by absolute name."""
     try:
         here = get_parameter(tree, namespace)
     except KeyError:
@@ -286,10 +286,10 @@ def diff_drive_controllers(tree: Tree, namespace: str) -> Iterator[tuple[str, Tr
 
 
 def _base_parameters(controller: Tree, key: str, launch: Launch, wheels: WheelConfig | None) -> dict[str, Any]:
-    """What our base takes of a controller's configuration, by the same names.
+    """Return the parameters of a controller that our base has under the same names.
 
-    Where a model of ours stands for another description, with other ``wheels``, dimensions that are about ours were
-    right for that one; only such that were wrong there are wrong here.
+    If one of our models, with other ``wheels``, replaces the description, dimensions close to ours were correct for
+    that description and are dropped; only those that deviate, as deliberate errors, are kept.
     """
     plain = (
         *("cmd_vel_timeout", "publish_rate", "wheel_separation", "wheel_radius", "wheel_separation_multiplier"),

@@ -1,4 +1,4 @@
-"""Runs the substitute for a well-known node that is started by hand, as ``rosrun turtlesim turtlesim_node``."""
+"""Runs the replacement of a well-known node that is started by hand, e.g. ``rosrun turtlesim turtlesim_node``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from services.script.workspace import workspace_of
 
 
 def run_known_node(package: str, program: str, arguments: Sequence[str], port: int | None) -> bool:
-    """Replace this process by what does the work of a node; False if nothing does, True if nothing must be done."""
+    """Replace this process by the replacement of a node; return False without one, True if nothing needs to be done."""
     remaps = [each.partition(":=")[::2] for each in arguments if ":=" in each]
     words = " ".join(each for each in arguments if ":=" not in each)
     node = LaunchNode(package, program, program, "/", words, f"rosrun {package} {program}")
@@ -58,7 +58,7 @@ def run_known_node(package: str, program: str, arguments: Sequence[str], port: i
 
 
 def _expand(words: Sequence[str]) -> None:
-    """Expand a xacro to the standard output, or to the file that -o names."""
+    """Expand a xacro to standard output, or to the file given by -o."""
     rest, output = list(words), ""
     if "-o" in rest[:-1]:
         index = rest.index("-o")

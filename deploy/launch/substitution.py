@@ -23,12 +23,12 @@ KNOWN_VARIABLES = {
     "TURTLEBOT_3D_SENSOR": "",
     "ROS_DISTRO": "noetic",
 }
-"""Variables that tutorials export first, with the values taken where they are not set."""
+"""Variables that tutorials export first, with the values used if they are not set."""
 
 
 @dataclass
 class Substitution:
-    """What substitutions stand for in one launch file: its arguments, folder, the packages and the environment."""
+    """The values for substitutions in one launch file: its arguments, folder, packages and environment."""
 
     find: Callable[[str], Path]
     folder: Path
@@ -37,7 +37,7 @@ class Substitution:
     anonymous: dict[str, str] = field(default_factory=dict)
 
     def resolve(self, text: str, where: str) -> str:
-        """The text with all substitutions made; raises BadInput behind the place ``where``."""
+        """Return the text with all substitutions made; raises BadInput with the place ``where``."""
         if "$(" not in text:
             return text
         if found := _EVAL.match(text):
@@ -91,11 +91,11 @@ class Substitution:
         return self.environment.get(name, default.strip())
 
     def _anon(self, name: str) -> str:
-        """The same name each time, so that runs repeat; roslaunch takes host, process and time."""
+        """Return a name that is the same each time, so that runs repeat; roslaunch uses host, process and time."""
         return self.anonymous.setdefault(name, f"{name}_{len(self.anonymous) + 1}")
 
     def _eval(self, expression: str, where: str) -> Any:
-        """The value of a Python expression, in which arguments are names."""
+        """Return the value of a Python expression in which arguments are names."""
         if "__" in expression:
             raise BadInput(f"{where}: $(eval …) must not have '__' in it")
         names: dict[str, Any] = {
@@ -123,7 +123,7 @@ class Substitution:
 
 
 def python_value(text: str) -> Any:
-    """An argument's text as roslaunch takes it where it guesses: a number, a truth value, or text."""
+    """Convert an argument's text as roslaunch does when it guesses the type: a number, a boolean, or text."""
     try:
         return float(text) if "." in text else int(text)
     except ValueError:
@@ -132,7 +132,7 @@ def python_value(text: str) -> Any:
 
 
 def truth(text: str, where: str, name: str) -> bool:
-    """The value of an attribute that is true or false; raises BadInput."""
+    """Return the value of a boolean attribute; raises BadInput."""
     try:
         return {"true": True, "1": True, "false": False, "0": False}[text.strip().lower()]
     except KeyError:

@@ -1,1 +1,1 @@
-"""Work with a running network for the commands: connect, find topics and services, measure, show and publish."""
+"""Access to a running network for the commands: connect, find topics and services, measure, show and publish."""

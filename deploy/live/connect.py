@@ -1,4 +1,4 @@
-"""The short-lived node of a verb on the command line, and its loop."""
+"""The short-lived node of a command, and its loop."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from services.runtime.transport.api import RawSubscriber
 
 
 def spin(live: LightNode, inlet: RawSubscriber, seconds: float | None = None) -> Iterator[None]:
-    """Yield at each sample of ``inlet`` and ten times a second, until the node is stopped or ``seconds`` are over."""
+    """Yield at each sample of ``inlet`` and ten times a second, until the node is stopped or
+    ``seconds`` have passed.
+    """
     deadline = None if seconds is None else time.monotonic() + seconds
     while not live.stopping and (deadline is None or time.monotonic() < deadline):
         yield
@@ -30,17 +32,17 @@ def spin(live: LightNode, inlet: RawSubscriber, seconds: float | None = None) ->
 
 
 def user_and_host() -> str:
-    """The user and the machine, in letters that a name may have: ``anna_laptop``."""
+    """Return user and machine in characters that are legal in a name: ``anna_laptop``."""
     try:
         user = getpass.getuser()
-    except (KeyError, OSError):  # a container's user that no table names
+    except (KeyError, OSError):  # in a container, a user without an entry in the user database
         user = str(os.getuid())
     return re.sub(r"[^A-Za-z0-9]+", "_", f"{user[:64]}_{socket.gethostname()[:64]}").strip("_")
 
 
 @contextmanager
 def cli_node(place: NetworkAddress, role: str, owner: str = "") -> Iterator[LightNode]:
-    """Join the network; raises BadInput without a router. SIGINT and SIGTERM stop it."""
+    """Join the network as a node that SIGINT and SIGTERM stop; raises BadInput without a router."""
     with open_transport(place.router, place.domain) as transport:
         made = LightNode(transport, role, owner)
         install_signal_handlers(made.stop)

@@ -26,7 +26,7 @@ from services.runtime.transport.api import Transport
 
 
 class MessageReader:
-    """Decodes the samples of one topic; each kind of problem is noted once."""
+    """Decodes the samples of one topic; reports each kind of problem once."""
 
     def __init__(self, name: str, expected: str, transport: Transport | None = None) -> None:
         """``expected`` is the ROS type of samples that do not state one; empty if unknown.
@@ -38,7 +38,9 @@ class MessageReader:
         self._noted: set[str] = set()
 
     def read(self, sample: ReceivedSample) -> Any:
-        """The message with all its fields; of an unknown or wrong type, as decoded; None if it is not MessagePack."""
+        """Return the message with all its fields; if its type is unknown or wrong, as decoded; None if it is not
+        MessagePack.
+        """
         type_name = sample.type or self._expected
         if sample.origin is None:
             self._note("an external program publishes here: its samples carry no number and no name")
@@ -72,7 +74,7 @@ class MessageReader:
 
 
 def sample_info(sample: ReceivedSample) -> dict[str, Any]:
-    """Metadata of a sample: type, number, sender's time [ns] and id, size; foreign without a number."""
+    """Return metadata of a sample: type, number, the sender's time [ns] and id, size; foreign if it has no number."""
     origin = sample.origin
     return {
         "type": sample.type,
@@ -114,7 +116,9 @@ class EchoFormat:
 
 
 def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
-    """Show messages until ``count`` or a signal; the exit status. Raises EleaError if they do not arrive in time."""
+    """Show messages until ``count`` or a signal; return the exit status. Raises EleaError if they do not arrive in
+    time.
+    """
     name, paths = absolute_name(asked.topic), [parse_path(each) for each in asked.fields]
     wanted = canonical_type(record_by_type(asked.type_name).ROS_TYPE) if asked.type_name else ""
     deadline = None if asked.timeout is None else time.monotonic() + asked.timeout
@@ -188,7 +192,7 @@ class _Printer:
 
 
 def _split_field(live: LightNode, name: str, paths: list[FieldPath]) -> tuple[str, list[FieldPath]]:
-    """The topic and the field in it, which rostopic's users write in one: ``/tb3_0/odom/pose/pose/position``."""
+    """Split topic and field, which rostopic's users write as one: ``/tb3_0/odom/pose/pose/position``."""
     known = group_by_topic(snapshot(live.transport)) if not paths else {}
     if paths or name in known:
         return name, paths
@@ -203,7 +207,7 @@ def _split_field(live: LightNode, name: str, paths: list[FieldPath]) -> tuple[st
 
 
 def _check_fields(live: LightNode, type_name: str, paths: list[FieldPath]) -> None:
-    """Refuse fields that the type does not have before any message came."""
+    """Raise BadInput for fields that the type does not have, before any message arrives."""
     record = record_on_network(live.transport, type_name) if paths else None
     for path in paths if record is not None else ():
         assert record is not None

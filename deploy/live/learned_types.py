@@ -1,4 +1,4 @@
-"""Types of messages that only the nodes of a network know: learned from what they announce, when first needed."""
+"""Message types known only to nodes of the network: learned from their announcements when first needed."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from services.runtime.subscriber import UntypedSubscriber
 from services.runtime.transport.api import Transport
 
 _PATIENCE_S = 1.0
-"""Wall time [s] to wait for what the publishers of definitions keep for late subscribers."""
+"""Wall time [s] to wait for latched type definitions."""
 
 
 def record_on_network(transport: Transport, type_name: str) -> type[Message] | None:
-    """The record of a ROS type, which may be one that a node of the network has announced; None if it is unknown."""
+    """Return the record of a ROS type, which a node of the network may have announced; None if it is unknown."""
     record = known_record(type_name)
     if record is None and type_name and learn_types(transport):
         record = known_record(type_name)
@@ -26,7 +26,7 @@ def record_on_network(transport: Transport, type_name: str) -> type[Message] | N
 
 
 def learn_types(transport: Transport) -> bool:
-    """Learn the types that nodes announce; False if there are no such nodes."""
+    """Learn the types that nodes announce; return False if there are no such nodes."""
     entities = [Entity.parse(each) for each in transport.tokens(token_pattern("pub"))]
     missing = {each.node for each in entities if each is not None and each.name == INTERFACES.name}
     if not missing:

@@ -1,4 +1,4 @@
-"""Measures topics: a report each second, and a last one at the end, also after Ctrl-C."""
+"""Measures topics, with a report each second and one at the end, also after Ctrl-C."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 REPORT_PERIOD_S = 1.0
 """Wall time between two reports."""
 _CLOCK_TIMEOUT_S = 0.5
-"""Wall time [s] that a sample without a stamp waits for a later clock sample, to know when it was sent."""
+"""Wall time [s] for which a sample without a stamp waits for a later clock sample, to determine its time."""
 
 
 @dataclass(frozen=True)
 class MeasureOptions:
-    """The end (after ``count`` messages of each topic, 0 for never; after ``timeout`` [s]), whether to wait for an
+    """When to end (after ``count`` messages of each topic, 0 for never; after ``timeout`` [s]), whether to wait for an
     unknown topic, and the output format.
     """
 
@@ -42,11 +42,11 @@ class Meter(Protocol):
 
     @property
     def received(self) -> int:
-        """Messages so far."""
+        """The number of messages so far."""
         ...
 
     def add(self, sample: ReceivedSample, clock: ClockSubscriber) -> None:
-        """Take a sample; the clock has gone past the moment at which it was sent."""
+        """Add a sample; the clock has passed the time at which it was sent."""
         ...
 
     def reset(self) -> None:
@@ -54,16 +54,16 @@ class Meter(Protocol):
         ...
 
     def report(self) -> dict[str, Any]:
-        """The figures, for JSON."""
+        """Return the figures for JSON."""
         ...
 
     def text(self) -> str:
-        """The figures, for a person."""
+        """Return the figures as text."""
         ...
 
 
 class _MeasuredTopic:
-    """A topic, its meter, and the samples whose time is unknown yet."""
+    """A topic, its meter, and the samples whose simulation time is not known yet."""
 
     def __init__(
         self, live: LightNode, name: str, meter: Meter, terms: MeasureOptions, graph: Mapping[str, TopicEndpoints]
@@ -83,7 +83,7 @@ class _MeasuredTopic:
         return 0 < self._count <= self.meter.received
 
     def update(self, clock: ClockSubscriber, at_once: bool = False) -> None:
-        """Measure the new samples, once their simulation time is known."""
+        """Measure the new samples whose simulation time is known, or ``at_once`` all of them."""
         now = time.monotonic()
         self._pending.extend((sample, now) for sample in self.listener.drain())
         while self._pending and not self.is_complete:
@@ -98,7 +98,7 @@ class _MeasuredTopic:
             self.meter.add(sample, clock)
 
     def has_new(self) -> bool:
-        """Whether something came since the last call."""
+        """Return whether messages were measured since the last call."""
         before, self._reported = self._reported, self.meter.received
         return before != self._reported and self._reported > 0
 
@@ -106,7 +106,9 @@ class _MeasuredTopic:
 def measure(
     place: NetworkAddress, role: str, names: Sequence[str], make: Callable[[str], Meter], terms: MeasureOptions
 ) -> int:
-    """Measure the topics with a meter each; the exit status. Raises EleaError when nothing came within the timeout."""
+    """Measure each topic with a meter; return the exit status. Raises EleaError if nothing arrived
+    within the timeout.
+    """
     wanted = list(dict.fromkeys(absolute_name(each) for each in names))
     with cli_node(place, role) as live:
         graph = group_by_topic(snapshot(live.transport))
@@ -149,7 +151,7 @@ def _report(channels: Sequence[_MeasuredTopic], as_json: bool, named: bool) -> N
 
 
 def _report_final(channels: Sequence[_MeasuredTopic], terms: MeasureOptions) -> None:
-    """Show the last figures of every topic again."""
+    """Show the final figures of every topic."""
     for each in channels:
         if each.meter.received:
             _show(each, terms.as_json, len(channels) > 1)

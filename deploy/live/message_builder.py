@@ -1,4 +1,4 @@
-"""Builds messages from typed text: YAML or JSON, some of the fields, ROS types, and ``now`` for the time."""
+"""Builds messages from typed text: YAML or JSON, subsets of the fields, ROS types, and ``now`` for times."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _OPTION = re.compile(r"--?[A-Za-z]")
 
 
 class _Now:
-    """Stands for the moment at which a message is sent."""
+    """Placeholder for the time at which a message is sent."""
 
 
 _NOW = _Now()
@@ -29,7 +29,7 @@ class MessageBuilder:
     """Builds messages from given values; headers without a stamp get one at each ``build``."""
 
     def __init__(self, record: type[Message], values: Sequence[str], stamped: bool = True) -> None:
-        """``values`` is one mapping, or the fields in their order; raises BadInput with the path of a wrong one."""
+        """Parse ``values``: one mapping, or the fields in order; raises BadInput with the path of a wrong one."""
         self.record = record
         self._decode = decoder(record)
         given = [read_yaml(each) for each in values]
@@ -42,7 +42,7 @@ class MessageBuilder:
         self.build(0)
 
     def build(self, now: int) -> Message:
-        """The message for a simulation time [ns]."""
+        """Build the message for a simulation time [ns]."""
         time = Time.of(now)
         try:
             return self._decode(encode(_fill_now(self._tree, {"sec": time.sec, "nanosec": time.nanosec})))
@@ -56,9 +56,9 @@ class MessageBuilder:
 
 
 def split_type(words: Sequence[str]) -> tuple[str, list[str]]:
-    """The ROS type that the words begin with, or an empty text, and the values after it.
+    """Split off the leading ROS type, empty if there is none; return it and the remaining values.
 
-    Raises BadInput for what looks like an option: those that a verb does not know arrive here, as negative numbers do.
+    Raises BadInput for what looks like an option: unknown options arrive here, as negative numbers do.
     """
     for each in words:
         if _OPTION.match(each):
@@ -69,7 +69,7 @@ def split_type(words: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def _arrange_record(record: type[Message], value: Any, path: str, stamped: bool) -> Any:
-    """The tree of a record: names checked, fields given by position named, headers stamped."""
+    """Return the values of a record as a tree: names checked, fields given by position named, headers stamped."""
     names = field_types(record)
     if record is Time and value == "now":
         return _NOW

@@ -1,4 +1,4 @@
-"""Messages as text: YAML as the ROS tools write it, block or flow style, and rows of CSV."""
+"""Formats messages as text: YAML as by the ROS tools, in block or flow style, and rows of CSV."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ _RESERVED_WORDS = {"null", "true", "false", "yes", "no", "on", "off"}
 """Words that YAML does not read as text."""
 
 MAX_ELEMENTS = 128
-"""Default maximum of shown list elements, that of ``ros2 topic echo``."""
+"""Default maximum number of list elements shown, as in ``ros2 topic echo``."""
 
 
 class TruncationMark(str):
-    """A remark in place of a value; shown unquoted."""
+    """A note in place of a value, shown unquoted."""
 
     __slots__ = ()
 
 
 def truncate(value: Any, most: int | None = MAX_ELEMENTS, arrays: bool = True, strings: bool = True) -> Any:
-    """The value with long lists, texts and bytes cut to ``most``; without ``arrays`` or ``strings`` their sizes."""
+    """Cut long lists, texts and bytes to ``most``; without ``arrays`` or ``strings`` show only their sizes."""
     if isinstance(value, dict):
         return {name: truncate(each, most, arrays, strings) for name, each in value.items()}
     if isinstance(value, list | bytes):
@@ -43,14 +43,14 @@ def truncate(value: Any, most: int | None = MAX_ELEMENTS, arrays: bool = True, s
 
 
 def to_yaml(value: Any) -> str:
-    """YAML in block style, a field on each line."""
+    """Format as YAML in block style, a field on each line."""
     lines: list[str] = []
     _block(value, "", lines)
     return "\n".join(lines) + "\n"
 
 
 def to_flow_yaml(value: Any) -> str:
-    """YAML in flow style, all on one line."""
+    """Format as YAML in flow style, all on one line."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{_text(name)}: {to_flow_yaml(each)}" for name, each in value.items()) + "}"
     if isinstance(value, list | bytes):
@@ -59,7 +59,7 @@ def to_flow_yaml(value: Any) -> str:
 
 
 def csv_cells(value: Any) -> list[tuple[str, str]]:
-    """The columns of one row: the path of each single value, and the value."""
+    """Return the columns of one row: the path of each scalar, and its value."""
     cells = []
     for path, leaf in leaves(value):
         elements = leaves(list(leaf), path) if isinstance(leaf, bytes) else [(path, leaf)]
@@ -70,7 +70,7 @@ def csv_cells(value: Any) -> list[tuple[str, str]]:
 
 
 def csv_row(values: list[str]) -> str:
-    """A line of CSV."""
+    """Format a line of CSV."""
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow(values)
     return line.getvalue()
@@ -94,7 +94,7 @@ def _block(value: Any, indent: str, lines: list[str]) -> None:
 
 
 def _append_field(head: str, value: Any, indent: str, lines: list[str]) -> None:
-    """A field: its value beside the name, or below it."""
+    """Append a field, its value beside the name or below it."""
     if isinstance(value, dict | list | bytes) and value:
         lines.append(head)
         _block(value, f"{indent}  " if isinstance(value, dict) else indent, lines)
@@ -124,7 +124,7 @@ def _text(value: str) -> str:
 
 
 def escape_unprintable(text: str) -> str:
-    """Text from outside, without the control characters that a terminal would obey."""
+    """Escape the control characters in external text that a terminal would obey."""
     return "".join(map(_escape_character, text))
 
 

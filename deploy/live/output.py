@@ -1,4 +1,4 @@
-"""Standard output whose reader may close it at any time, as ``head`` does; the verb then ends quietly."""
+"""Standard output that its reader may close at any time, as ``head`` does; the command then ends quietly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u20
 
 
 def printable(text: str) -> str:
-    """Text from the network, a bag or a log with its control characters escaped.
+    """Escape the control characters in text from the network, a bag or a log.
 
     Line breaks and tabs stay.
     """
@@ -31,7 +31,7 @@ def write_text(text: str, *, flush: bool = False) -> None:
 
 
 def write_json(value: Any, *, lines: bool = False) -> None:
-    """Write a JSON document, on one line and at once for ``lines``. NaN and infinities are null, bytes are base64."""
+    """Write a JSON document; with ``lines`` on one line and flushed. NaN and infinities become null, bytes base64."""
     import msgspec
 
     written = msgspec.json.encode(value)
@@ -39,7 +39,7 @@ def write_json(value: Any, *, lines: bool = False) -> None:
 
 
 def write_listing(about: Mapping[str, str], as_json: bool) -> None:
-    """Names with a line about each, as a table or as JSON."""
+    """Write names with a line about each, as a table or as JSON."""
     if as_json:
         write_json([{"name": name, "about": text} for name, text in about.items()])
         return
@@ -48,13 +48,13 @@ def write_listing(about: Mapping[str, str], as_json: bool) -> None:
 
 
 def write_note(text: str) -> None:
-    """A remark beside the output, on standard error."""
+    """Write a note besides the output, on standard error."""
     sys.stderr.write(printable(f"elea: {text}\n"))
     sys.stderr.flush()
 
 
 def is_pipe_closed() -> bool:
-    """Whether the reader of standard output has closed the pipe."""
+    """Return whether the reader of standard output has closed the pipe."""
     if sys.stdout.closed:
         return True
     poll = select.poll()
@@ -63,7 +63,7 @@ def is_pipe_closed() -> bool:
 
 
 def exit_quietly(status: int = 0) -> NoReturn:
-    """End the process after its reader."""
+    """Exit after the reader closed the pipe, without an error."""
     discard_output()
     raise SystemExit(status)
 
@@ -75,7 +75,7 @@ def discard_output() -> None:
 
 @contextmanager
 def ignore_output_errors() -> Iterator[None]:
-    """Ignore a closed pipe or a full disk for output beside the real work: it does not change the exit status."""
+    """Ignore a closed pipe or a full disk for output besides the real work: it does not change the exit status."""
     try:
         yield
     except OSError:

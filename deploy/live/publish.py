@@ -30,12 +30,12 @@ from services.runtime.transport.api import TICKER_S, idle_subscriber
 _CLOCK_TIMEOUT_S = 2.0
 """Wall time [s] to wait for the first /clock, if it is published."""
 _SETTLE_S = 0.3
-"""Wall time in which links to subscribers come up that the graph shows already."""
+"""Wall time for the links to subscribers to come up that the graph already shows."""
 
 
 @dataclass(frozen=True)
 class PublishRequest:
-    """The messages to send: ``values``, with the type first if it is given; ``rate`` [Hz]; ``count``, 0 for no end."""
+    """The messages to publish: ``values``, preceded by the type if given; ``rate`` [Hz]; ``count``, 0 for no limit."""
 
     topic: str
     values: tuple[str, ...] = ()
@@ -49,9 +49,12 @@ class PublishRequest:
 
 
 def publish(place: NetworkAddress, asked: PublishRequest, show: str = "text") -> int:
-    """Send until it is enough; the exit status. ``show`` is ``text``, ``json`` or empty. Raises EleaError."""
+    """Publish until ``count`` or a signal; return the exit status.
+
+    ``show`` is ``text``, ``json`` or empty. Raises EleaError.
+    """
     name = absolute_name(asked.topic)
-    # The user holds a stop, not this process, which ends: the user's next command can release it.
+    # The user is the holder of a stop, not this process, which ends: the user's next command can release it.
     with cli_node(place, "pub", user_and_host() if known_topic(name) is E_STOP else "") as live:
         graph = snapshot(live.transport)
         known = group_by_topic(graph)
@@ -81,7 +84,7 @@ def publish(place: NetworkAddress, asked: PublishRequest, show: str = "text") ->
 def _resolve_type(
     name: str, ends: TopicEndpoints, values: tuple[str, ...], known: Iterable[str]
 ) -> tuple[type[Message], list[str]]:
-    """The record, by the words, the graph or the table of topics, and the words that are left; raises BadInput."""
+    """Return the record, from the words, the graph or the table of topics, and the remaining words; raises BadInput."""
     topic, types = known_topic(name), [each for each in ends.types if each != "-"]
     declared = types[0] if types else "" if topic is None else topic.record.ROS_TYPE
     type_name, words = split_type(values)
@@ -99,7 +102,7 @@ def _resolve_type(
 
 
 def _resolve_quality(name: str, ends: TopicEndpoints) -> Quality:
-    """The quality that the others on the topic have, else that of the table, else every one arrives."""
+    """Return the quality of the topic's other endpoints, else that in the table of topics, else reliable delivery."""
     for each in (*ends.subscribers, *ends.publishers):
         if each.detail in Quality.__members__ and not is_hidden(each.node):
             return Quality[each.detail]
@@ -108,7 +111,7 @@ def _resolve_quality(name: str, ends: TopicEndpoints) -> Quality:
 
 
 def _resolve_rate(asked: PublishRequest, name: str, quality: Quality) -> float:
-    """Messages per second; 0 for one that is held."""
+    """Return the rate [Hz]; 0 for a single message that is held."""
     if asked.rate is not None:
         return asked.rate
     if quality is Quality.LATCHED and not asked.count:
@@ -118,7 +121,7 @@ def _resolve_rate(asked: PublishRequest, name: str, quality: Quality) -> float:
 
 
 def _wait_for_subscribers(live: LightNode, output: Publisher[Any], name: str, asked: PublishRequest) -> bool:
-    """Wait for subscribers; False when it was interrupted. Raises EleaError when they do not come in time."""
+    """Wait for subscribers; return False if interrupted. Raises EleaError if they do not appear in time."""
     started, noted = time.monotonic(), False
     inlet = idle_subscriber(live.transport)
     settled = started + _SETTLE_S
@@ -157,7 +160,7 @@ def _send(
     rate: float,
     show: str,
 ) -> int:
-    """Send at the rate, of simulation time where it runs; how many were sent."""
+    """Publish at the rate, in simulation time if it runs; return the number sent."""
     simulated = clock.now is not None and not asked.wall_time
     period = 1.0 / rate if rate else float("inf")
     sent, due, epoch, noted = 0, 0.0, clock.epoch, False
@@ -183,7 +186,7 @@ def _send(
             output.publish(message)
             sent += 1
             _show(message, show, sent)
-            # After a pause of this process, missed messages are not sent.
+            # After this process was suspended, missed messages are not sent.
             due = due + period if sent > 1 and due + 5 * period > now else now + period
         if asked.count and sent >= asked.count:
             break

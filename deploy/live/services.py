@@ -1,4 +1,4 @@
-"""Lists the requests of the network, and calls one with typed values."""
+"""Lists the network's services, and calls one with typed values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from services.runtime.transport.api import Transport
 
 
 class ServiceInfo(NamedTuple):
-    """A request, the nodes that serve it, and the ROS types of request and reply; ``?`` if unknown."""
+    """A service, the nodes that serve it, and the ROS types of request and reply; ``?`` if unknown."""
 
     name: str
     nodes: tuple[str, ...]
@@ -32,16 +32,16 @@ class ServiceInfo(NamedTuple):
 
     @property
     def types(self) -> str:
-        """Both types in one text."""
+        """Both types as text."""
         return f"{self.asks} -> {self.replies}"
 
     def as_dict(self) -> dict[str, Any]:
-        """All fields, for JSON."""
+        """Return all fields, for JSON."""
         return self._asdict()
 
 
 def list_services(transport: Transport) -> dict[str, ServiceInfo]:
-    """All requests with a server, by name, in order."""
+    """Return all services with a server, sorted by name."""
     found: dict[str, ServiceInfo] = {}
     entities = (Entity.parse(each) for each in transport.tokens(token_pattern("srv")))
     for each in sorted((each for each in entities if each), key=lambda each: (each.name, each.node)):
@@ -54,7 +54,7 @@ def list_services(transport: Transport) -> dict[str, ServiceInfo]:
 
 
 def find_service(transport: Transport, name: str) -> ServiceInfo:
-    """The request ``name``; raises BadInput with the nearest name if it has no server."""
+    """Return the service ``name``; raises BadInput with the nearest name if it has no server."""
     found = list_services(transport)
     if name not in found:
         raise not_found("service", name, found, "./elea service list shows them all")
@@ -62,7 +62,7 @@ def find_service(transport: Transport, name: str) -> ServiceInfo:
 
 
 def call_service(transport: Transport, name: str, values: Sequence[str], timeout: float) -> Any:
-    """The reply to a request, as plain values; raises BadInput for bad values and CallFailed for a refusal."""
+    """Call a service and return its reply as plain values; raises BadInput for bad values, CallFailed for a refusal."""
     server = find_service(transport, name)
     given, words = split_type(values)
     known = known_request(name, server.asks) or _service_of_type(transport, server.asks)
@@ -75,13 +75,13 @@ def call_service(transport: Transport, name: str, values: Sequence[str], timeout
         message = read_yaml(words[0]) if len(words) == 1 else [read_yaml(each) for each in words] or {}
     else:
         message = MessageBuilder(record, words).build(0)
-    # A reply of a type that is not known here is shown as it is.
+    # A reply whose type is unknown here is shown as decoded.
     request: Request[Any, Any] = known or Request(name, type(message), Any, "")
     return plain(encode(call(transport, request, key_of(name), message, timeout)))
 
 
 def _service_of_type(transport: Transport, type_name: str) -> Request[Any, Any] | None:
-    """The records of a service type (``my_pkg/AddTwoInts``), which its server may have announced."""
+    """Return the records of a service type (``my_pkg/AddTwoInts``), which its server may have announced."""
     known = service_interface(type_name)
     if known is None and known_record(type_name) is None and learn_types(transport):
         known = service_interface(type_name)

@@ -1,4 +1,4 @@
-"""Subscribers of the command line: any topic without its type, the simulation clock, heartbeats."""
+"""Subscribers of the command line: any topic without its type, the simulation clock, and heartbeats."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 from services.runtime.transport.api import Transport
 
 _MAX_CLOCKS = 4096
-"""Clock messages that are remembered; at 50 Hz more than a minute."""
+"""Maximum number of stored clock messages; more than a minute at 50 Hz."""
 
 
 class _WithStamp(Message, frozen=True, kw_only=True):
-    """The part of a message that says when it was made: a header, that of its first transform, or the clock itself."""
+    """The fields of a message that may contain its time: its header, its first transform's header,
+    or the clock itself.
+    """
 
     header: Header | None = None
     clock: Time | None = None
@@ -37,7 +39,7 @@ _decode_clock = decoder(Clock)
 
 
 def header_stamp(payload: bytes) -> int | None:
-    """The simulation time [ns] that a message bears, whatever its type; None without a stamp, or with one of 0."""
+    """Return the simulation time stamp [ns] of a message of any type; None if it has no stamp, or one of 0."""
     try:
         found = _decode_stamped(payload)
     except WrongPayload:
@@ -47,9 +49,9 @@ def header_stamp(payload: bytes) -> int | None:
 
 
 class ClockSubscriber:
-    """Follows ``/clock``; ``now`` [ns] is None until a sample arrives, ``epoch`` grows at each reset.
+    """Follows ``/clock``; ``now`` [ns] is None until a sample arrives, ``epoch`` increases at each reset.
 
-    ``since`` is the wall time [ns] of the first sample of the present epoch.
+    ``since`` is the wall time [ns] of the first sample of the current epoch.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -78,32 +80,32 @@ class ClockSubscriber:
                 self.since = min(self.since, sample.sent_ns)
 
     def covers(self, moment: int) -> bool:
-        """Whether a clock sent after this moment of the wall clock [ns] has come: then ``time_at`` is certain."""
+        """Return whether a clock sent after this wall time [ns] has arrived, so that ``time_at`` is final."""
         return self._map.past(moment)
 
     def time_at(self, moment: int) -> int | None:
-        """The simulation time [ns] of a moment of the wall clock [ns]: of the last clock sent before it.
+        """Return the simulation time [ns] at a wall time [ns]: that of the last clock sent before it.
 
-        None before the first one, and where one was lost that may have been sent before the moment.
+        None before the first clock, and where a lost one may have been sent before that wall time.
         """
         return self._map.before(moment)
 
     def sample_time(self, sample: ReceivedSample) -> int | None:
-        """The simulation time of a sample [ns]: its stamp, or the clock when it was sent; None if unknown."""
+        """Return the simulation time of a sample [ns]: its stamp, or the clock when it was sent; None if unknown."""
         stamp = header_stamp(sample.payload)
         return self.time_at(sample.sent_ns) if stamp is None else stamp
 
 
 HEARTBEAT_TIMEOUT_S = 1.3
-"""Wall time [s] without a heartbeat, which is sent once a second, after which a node is busy, stopped or hung."""
+"""Wall time [s] without a heartbeat, which is published once a second, after which a node is busy, stopped or hung."""
 MAX_HEARTBEATS = 24
-"""Heartbeats awaited from a node with so many topics that each heartbeat lists a part of them."""
+"""Maximum number of heartbeats to wait for from a node with so many topics that each lists only some of them."""
 
 _decode_health = decoder(Health)
 
 
 class HeartbeatSubscriber:
-    """The newest heartbeat of each node, and the last counts of its topics, of which a beat may list a part."""
+    """The latest heartbeat of each node, and the last counts of its topics, of which a heartbeat may list only some."""
 
     def __init__(self, live: LightNode) -> None:
         self._listener = UntypedSubscriber(live.transport, HEALTH.name)
@@ -127,15 +129,15 @@ class HeartbeatSubscriber:
             self._outputs[beat.node] |= {each.topic: each for each in beat.outputs}
 
     def inputs(self, node: str) -> dict[str, InputHealth]:
-        """The health of a node's subscriptions, by topic."""
+        """Return the health of a node's subscriptions, by topic."""
         return self._inputs.get(node, {})
 
     def outputs(self, node: str) -> dict[str, OutputHealth]:
-        """The health of a node's publications, by topic."""
+        """Return the health of a node's publications, by topic."""
         return self._outputs.get(node, {})
 
     def is_complete(self, node: str) -> bool:
-        """Whether a node has reported all its topics."""
+        """Return whether a node has reported all its topics."""
         beat = self.latest.get(node)
         if beat is not None and len(beat.inputs) >= beat.reads and len(beat.outputs) >= beat.writes:
             return True
@@ -143,9 +145,10 @@ class HeartbeatSubscriber:
 
 
 def collect_heartbeats(live: LightNode, nodes: Collection[str]) -> HeartbeatSubscriber:
-    """The heartbeats of these nodes, as soon as all have come; of those that came, after WITHIN_S.
+    """Collect the heartbeats of these nodes, until all have arrived; after HEARTBEAT_TIMEOUT_S, of those that
+    responded.
 
-    Of nodes with very many topics, as many beats as it takes until each was listed, at most MOST_BEATS.
+    For nodes with very many topics, waits until all were listed, at most MAX_HEARTBEATS heartbeats.
     """
     beats, begun = HeartbeatSubscriber(live), time.monotonic()
     for _ in spin(live, beats.raw, HEARTBEAT_TIMEOUT_S * MAX_HEARTBEATS):

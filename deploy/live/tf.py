@@ -1,4 +1,4 @@
-"""The frames of the network: their tree, and the transform between two of them."""
+"""The network's frames: their tree, and the transform between two of them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from services.runtime.tf.listener import add_moving, add_static
 from services.runtime.transport.wire import NODE_BYTES, member_id
 
 RATE_WINDOW = 256
-"""Stamps of a frame of which its rate is taken."""
+"""Number of a frame's last stamps from which its rate is computed."""
 
 
 class TfMonitor:
@@ -56,16 +56,16 @@ class TfMonitor:
                 seen.append(each.header.stamp.ns)
 
     def age(self, stamp: int) -> float | None:
-        """The age of a stamp [s of simulation time]; None without a clock."""
+        """Return the age of a stamp [s of simulation time]; None without a clock."""
         return None if self.clock.now is None else max(0.0, (self.clock.now - stamp) / 1e9)
 
     def rate(self, frame: str) -> float | None:
-        """The rate of a moving frame [Hz of simulation time]; None until two stamps are known."""
+        """Return the rate of a moving frame [Hz of simulation time]; None until two stamps are known."""
         stamps = sorted(set(self.stamps.get(frame, ())))
         return (len(stamps) - 1) * 1e9 / (stamps[-1] - stamps[0]) if len(stamps) > 1 else None
 
     def publishers(self) -> dict[bytes, str]:
-        """The nodes that publish frames now, by the id under which the buffer knows them."""
+        """Return the nodes that currently publish frames, by their ids in the buffer."""
         ends: list[Entity] = snapshot(self._live.transport)
         return {
             member_id(each.node, each.session)[:NODE_BYTES]: each.node
@@ -74,7 +74,7 @@ class TfMonitor:
         }
 
     def faults(self, names: dict[bytes, str]) -> list[str]:
-        """Problems of the tree, and refused transforms; ``names`` are those of the publishers."""
+        """Return problems of the tree, and rejected transforms; ``names`` are those of the publishers."""
         problems = []
         for frame, text in self.buffer.conflicts().items():
             publishers = [
@@ -95,7 +95,9 @@ class TfMonitor:
 
 
 def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
-    """Listen for a while [s of wall time], then show the tree; the exit status. Raises EleaError without any frame."""
+    """Listen for a while [s of wall time], then show the tree; return the exit status. Raises EleaError without any
+    frame.
+    """
     with cli_node(place, "tf_tree") as live:
         watch = TfMonitor(live)
         for _ in spin(live, watch.dynamic.raw, listen):
@@ -118,7 +120,7 @@ def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
 
 
 def format_tree(rows: dict[str, dict[str, Any]]) -> Iterator[str]:
-    """The frames as a tree, each with its rate, age and publisher; those in a loop at the end."""
+    """Format the frames as a tree, each with its rate, age and publisher; frames in a loop come last."""
     below: dict[str | None, list[str]] = {}
     for name, row in rows.items():
         below.setdefault(row["parent"], []).append(name)
@@ -126,7 +128,7 @@ def format_tree(rows: dict[str, dict[str, Any]]) -> Iterator[str]:
     for root in below.get(None, []):
         yield root
         shown.add(root)
-        # A stack instead of recursion: a tree may be deeper than Python calls.
+        # A stack instead of recursion: a tree may be deeper than Python's recursion limit.
         stack = [(name, "", name == below[root][-1]) for name in reversed(below.get(root, []))]
         while stack:
             name, indent, last = stack.pop()
@@ -140,7 +142,7 @@ def format_tree(rows: dict[str, dict[str, Any]]) -> Iterator[str]:
 
 
 def _frame_row(watch: TfMonitor, frame: str, names: dict[bytes, str]) -> dict[str, Any]:
-    """A frame with its data; the parent is None for a root."""
+    """Return a frame's data; the parent is None for a root."""
     span = watch.buffer.span(frame)
     return {
         "frame": frame,
@@ -166,7 +168,7 @@ def _format_frame(row: dict[str, Any]) -> str:
 
 
 def _find_cycles(rows: dict[str, dict[str, Any]]) -> list[str]:
-    """Each circle of frames, once."""
+    """Return each cycle of frames, once."""
     problems, done = [], set()
     for name in rows:
         line, here = [name], name
@@ -191,8 +193,8 @@ INTERRUPTED = 130
 
 @dataclass(frozen=True)
 class TfEchoOptions:
-    """Rate [per second of simulation time], number (0: until Ctrl-C), time to wait for the frames [s of wall time],
-    and output format.
+    """Rate [Hz of simulation time], number (0: until Ctrl-C), time to wait for the frames [s of wall time], and output
+    format.
     """
 
     rate: float
@@ -213,7 +215,7 @@ def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEch
         last_error = ""
         for _ in spin(live, watch.clock.raw):
             watch.update()
-            # Without a clock, as with static frames alone, the wall clock serves.
+            # Without a clock, e.g. with only static frames, the wall clock is used.
             now = time.monotonic_ns() if watch.clock.now is None else watch.clock.now
             if shown and due - period <= now < due:
                 continue
@@ -253,7 +255,7 @@ def _show_transform(source: str, target: str, found: LookupResult, watch: TfMoni
 
 
 def transform_facts(source: str, target: str, found: LookupResult, watch: TfMonitor) -> dict[str, Any]:
-    """An answer as JSON; times and ages in s of simulation time, None for static frames."""
+    """Return an answer for JSON; times and ages in s of simulation time, None for static frames."""
     rpy = found.transform.rpy
     age = None if found.time is None else watch.age(found.time)
     return {
@@ -269,5 +271,5 @@ def transform_facts(source: str, target: str, found: LookupResult, watch: TfMoni
 
 
 def _format_vector(values: Any, digits: int = 4) -> str:
-    """``[0.1000, -0.2000, 0.0000]``, without a sign on zero."""
+    """Format as ``[0.1000, -0.2000, 0.0000]``, without a sign on zero."""
     return f"[{', '.join(f'{round(each, digits) + 0.0:.{digits}f}' for each in values)}]"

@@ -17,8 +17,8 @@ NS_PER_S = 1e9
 
 
 class RateSample(NamedTuple):
-    """One message: its simulation time (None if unknown) and wall time [ns], the number lost before it,
-    and its size [bytes].
+    """One message: its simulation time [ns] (None if unknown) and wall time [ns], the number lost before it, and its
+    size [bytes].
     """
 
     time: int | None
@@ -29,9 +29,9 @@ class RateSample(NamedTuple):
 
 @dataclass(frozen=True)
 class Rate:
-    """Messages per second over ``span`` [s], those that were lost among them; ``count`` of them in it.
+    """Rate ``hz`` over ``span`` [s], from ``count`` messages including lost ones.
 
-    Intervals between two messages with nothing lost between them: least, most and standard deviation [s].
+    The intervals are those between messages with no loss between them: shortest, longest and standard deviation [s].
     """
 
     hz: float
@@ -43,14 +43,14 @@ class Rate:
 
 
 class SampleWindow:
-    """The newest samples of one topic, ``length`` of them at most; ``received`` and ``lost`` count from the start."""
+    """The newest samples of one topic, at most ``length``; ``received`` and ``lost`` count from the start."""
 
     def __init__(self, length: int) -> None:
         self.samples: deque[RateSample] = deque(maxlen=length)
         self.received = self.lost = 0
 
     def add(self, sample: RateSample) -> None:
-        """Add a sample; one with an earlier simulation time than the last begins a new window."""
+        """Add a sample; if its simulation time is earlier than the last by more than 1 s, a new window begins."""
         self.received += 1
         self.lost += sample.lost
         before = self.samples[-1].time if self.samples else None
@@ -59,7 +59,9 @@ class SampleWindow:
         self.samples.append(sample)
 
     def sim_rate(self) -> Rate | None:
-        """The rate by simulation time. Samples without one count between their neighbours, as lost ones do."""
+        """Return the rate in simulation time. Samples without a time count between their
+        neighbours, as lost ones do.
+        """
         moments: list[tuple[int, int]] = []
         between = 0
         for each in self.samples:
@@ -77,17 +79,17 @@ class SampleWindow:
         return sum(each.time is None for each in self.samples)
 
     def wall_rate(self) -> Rate | None:
-        """The rate by the clocks of the senders."""
+        """Return the rate by the senders' wall clocks."""
         return compute_rate([(each.sent_ns, each.lost) for each in self.samples])
 
     def sizes(self) -> tuple[float, int, int]:
-        """Mean, least and greatest size of a message, bytes."""
+        """Return mean, minimum and maximum size of a message [bytes]."""
         sizes = [each.size for each in self.samples] or [0]
         return sum(sizes) / len(sizes), min(sizes), max(sizes)
 
 
 def compute_rate(moments: Sequence[tuple[int, int]]) -> Rate | None:
-    """The rate of messages at ``moments``: (time [ns], number lost before it); None when they span no time.
+    """Return the rate of messages at ``moments``: (time [ns], number lost before it); None if they span no time.
 
     Messages after the first instant up to the last are counted, including lost ones. If several share an instant, the
     last instant may be incomplete and is left out; and messages lost before an instant may belong to it or to the one
@@ -114,7 +116,7 @@ def compute_rate(moments: Sequence[tuple[int, int]]) -> Rate | None:
 
 
 class HzMeter:
-    """Messages per second of simulation time, and of the wall clock."""
+    """Measures the rate in simulation time and wall time."""
 
     def __init__(self, name: str, window: int) -> None:
         self.name, self.window = name, SampleWindow(window)
@@ -123,7 +125,7 @@ class HzMeter:
 
     @property
     def received(self) -> int:
-        """Messages so far."""
+        """The number of messages so far."""
         return self.window.received
 
     def add(self, sample: ReceivedSample, clock: ClockSubscriber) -> None:
@@ -154,14 +156,14 @@ class HzMeter:
 
 
 class BwMeter:
-    """Bytes of payload per second, including lost messages."""
+    """Measures the payload bandwidth [bytes/s], including lost messages."""
 
     def __init__(self, name: str, window: int) -> None:
         self.name, self._hz = name, HzMeter(name, window)
 
     @property
     def received(self) -> int:
-        """Messages so far."""
+        """The number of messages so far."""
         return self._hz.received
 
     def add(self, sample: ReceivedSample, clock: ClockSubscriber) -> None:
@@ -198,8 +200,8 @@ class BwMeter:
 
 
 class DelayMeter:
-    """Ages of messages at their arrival: in simulation time by stamp and ``/clock``, and in wall time since they were
-    sent.
+    """Measures the age of messages on arrival: in simulation time by stamp and ``/clock``, and in wall time since
+    sending.
     """
 
     def __init__(self, name: str, window: int) -> None:
@@ -271,7 +273,7 @@ def _rate_fields(rate: Rate | None) -> dict[str, float] | None:
 
 
 def _statistics(values: Collection[float]) -> dict[str, float] | None:
-    """Mean, extremes and standard deviation; None without values."""
+    """Return mean, minimum, maximum and standard deviation; None without values."""
     if not values:
         return None
     mean = sum(values) / len(values)

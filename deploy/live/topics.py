@@ -1,4 +1,4 @@
-"""The topics of the network with their endpoints, and finding the one that the user names."""
+"""The network's topics with their endpoints, and the search for the one that the user names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from services.runtime.subscriber import UntypedSubscriber
 
 
 class TopicEndpoints(NamedTuple):
-    """The publishers and subscribers of a topic, in the order of their nodes."""
+    """The publishers and subscribers of a topic, sorted by node."""
 
     name: str
     publishers: tuple[Entity, ...] = ()
@@ -25,17 +25,17 @@ class TopicEndpoints(NamedTuple):
 
     @property
     def types(self) -> tuple[str, ...]:
-        """The ROS types that its ends have declared, those of the publishers first; one, when all is well."""
+        """The ROS types that its endpoints declare, publishers' first; normally a single one."""
         return tuple(dict.fromkeys(each.record for each in (*self.publishers, *self.subscribers)))
 
     @property
     def latched(self) -> bool:
-        """Whether a publisher keeps its last value for late joiners."""
+        """Whether a publisher keeps its last value for late subscribers."""
         return any(each.detail == "LATCHED" for each in self.publishers)
 
 
 def absolute_name(name: str) -> str:
-    """The absolute name that a person means: written with or without its first slash; raises BadInput."""
+    """Return the absolute form of a name typed with or without its first slash; raises BadInput."""
     try:
         if name.startswith("~"):
             raise BadName(f"{name!r} is private to a node: write its whole name, as /tb3_0/waypoint/parameter_updates")
@@ -45,7 +45,7 @@ def absolute_name(name: str) -> str:
 
 
 def group_by_topic(graph: Iterable[Entity]) -> dict[str, TopicEndpoints]:
-    """Every topic of the graph by its name, in order."""
+    """Group the graph's endpoints by topic, sorted by name."""
     found: dict[str, TopicEndpoints] = {}
     for each in graph:
         ends = found.get(each.name, TopicEndpoints(each.name))
@@ -57,14 +57,14 @@ def group_by_topic(graph: Iterable[Entity]) -> dict[str, TopicEndpoints]:
 
 
 def not_found(kind: str, name: str, known: Iterable[str], advice: str) -> BadInput:
-    """The error for a topic, node or request that is not on the network, with what to do about it."""
+    """Return the error for a topic, node or service that is not on the network, with advice."""
     names = sorted(known)
     hint = did_you_mean(name, names) or ("." if names else ": there are none at all; is a fleet up?")
     return BadInput(f"no {kind} {name} is on the network{hint} ({advice})")
 
 
 def is_hidden(node: str) -> bool:
-    """Whether a node is a passing tool's, by its name, as in ROS 2."""
+    """Return whether a node belongs to a short-lived tool, by its name, as in ROS 2."""
     return node.rpartition("/")[2].startswith("_")
 
 
@@ -75,7 +75,7 @@ _LISTEN_S = 1.0
 def wait_for_topic(
     live: LightNode, name: str, wait: bool, graph: Mapping[str, TopicEndpoints] | None = None
 ) -> TopicEndpoints:
-    """The endpoints of a topic; with ``wait`` also of an unknown one. Raises BadInput as ``find_topic``.
+    """Return the endpoints of a topic; with ``wait``, wait for an unknown one. Raises BadInput as ``find_topic``.
 
     ``graph`` are the topics of the network, if already known.
     """
@@ -92,7 +92,9 @@ def wait_for_topic(
 
 
 def find_topic(live: LightNode, name: str, graph: Mapping[str, TopicEndpoints] | None = None) -> TopicEndpoints:
-    """The endpoints of the topic ``name``; raises BadInput if it is not in the graph and has no sample for a second."""
+    """Return the endpoints of the topic ``name``; raises BadInput if it is not in the graph and has no sample for a
+    second.
+    """
     known = group_by_topic(snapshot(live.transport)) if graph is None else graph
     if name in known:
         return known[name]
@@ -105,12 +107,12 @@ def find_topic(live: LightNode, name: str, graph: Mapping[str, TopicEndpoints] |
 
 
 def is_latched(ends: TopicEndpoints) -> bool:
-    """Whether late subscribers get the last value: by the publishers, else by the table of topics."""
+    """Return whether late subscribers get the last value: by the publishers, else by the table of topics."""
     topic = known_topic(ends.name)
     return ends.latched or (not ends.publishers and topic is not None and topic.quality is Quality.LATCHED)
 
 
 def topic_type(ends: TopicEndpoints) -> str:
-    """The ROS type of a topic, for samples that do not state one; empty if unknown."""
+    """Return the ROS type of a topic, for samples that do not state one; empty if unknown."""
     topic = known_topic(ends.name)
     return next((each for each in ends.types if each != "-"), "" if topic is None else topic.record.ROS_TYPE)

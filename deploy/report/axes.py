@@ -1,4 +1,4 @@
-"""What the pictures of few and of many robots share: axes, lines of robots, and the world below their paths."""
+"""Axes, robot line styles, and the world below the paths: shared by the pictures of few and of many robots."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from models import palette
 from services.grader.records import ROBOT_TRAIL_COLUMNS
 
 Trails = dict[str, np.ndarray]
-"""The arrays of the grader's trajectories."""
+"""The arrays of the grader's trajectories file."""
 
 INK, FAINT, GRID = "#22272e", "#8a929c", "#e6e9ed"
 
 MAX_NAME_LENGTH = 28
-"""Characters of a name in a legend."""
+"""Maximum length of a name in a legend."""
 
 MAX_LINE_WIDTH, MIN_LINE_WIDTH = 2.5, 0.9
-"""Line widths [points]; of lines that may overlap, the first is the widest and at the bottom."""
+"""Line widths [points]: of lines that may overlap, the first is the widest and at the bottom."""
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 2)), (0, (2, 1.5)))
 
 
@@ -35,12 +35,12 @@ class LineStyle(NamedTuple):
 
     @property
     def plot_options(self) -> dict[str, Any]:
-        """As Matplotlib's arguments."""
+        """The style as Matplotlib's arguments."""
         return {"color": self.colour, "lw": self.width, "ls": self.dash, "zorder": 3 + self.order}
 
 
 def line_styles(names: Iterable[str]) -> dict[str, LineStyle]:
-    """A line for each of some robots; a robot alone has a solid one of the usual width."""
+    """Return a line style for each robot; a single robot has a solid line of the usual width."""
     each = list(names)
     if len(each) == 1:
         return {each[0]: LineStyle("", 1.3, "-", 0.0)}
@@ -52,18 +52,18 @@ def line_styles(names: Iterable[str]) -> dict[str, LineStyle]:
 
 
 def coloured_line_styles(names: Iterable[str], among: Iterable[str]) -> dict[str, LineStyle]:
-    """The lines of robots in the colours that they have ``among`` all robots of the fleet."""
+    """Return the line styles of robots in the colours that they have ``among`` all robots of the fleet."""
     colour = palette.colours(among)
     return {name: line._replace(colour=palette.hexadecimal(colour[name])) for name, line in line_styles(names).items()}
 
 
 def shorten_name(name: str, most: int = MAX_NAME_LENGTH) -> str:
-    """A name cut to ``most`` characters from its beginning, since its end says more."""
+    """Shorten a name to ``most`` characters by cutting its beginning, since its end is more specific."""
     return name if len(name) <= most else f"\N{HORIZONTAL ELLIPSIS}{name[1 - most :]}"
 
 
 def style_axes(axes: Any, title: str, x: str, y: str) -> None:
-    """Title, labels with units, numbers and grid."""
+    """Set title, labels with units, tick numbers and grid."""
     axes.set_title(title, loc="left", fontsize=10.5, color=INK, fontweight="bold")
     axes.set_xlabel(x, fontsize=9, color=INK)
     axes.set_ylabel(y, fontsize=9, color=INK)
@@ -77,7 +77,7 @@ def style_axes(axes: Any, title: str, x: str, y: str) -> None:
 
 
 def ensure_span(axes: Any, least: float) -> None:
-    """Let the y axis span at least ``least``, in its unit: smaller values are rounding errors."""
+    """Make the y axis span at least ``least``, in its unit: smaller values are rounding errors."""
     low, high = axes.get_ylim()
     if high - low < least:
         middle = (low + high) / 2
@@ -85,7 +85,7 @@ def ensure_span(axes: Any, least: float) -> None:
 
 
 def _largest_tick(axis: Any) -> float:
-    """The largest number on an axis, without sign."""
+    """Return the largest absolute tick value of an axis."""
     low, high = axis.get_view_interval()
     return float(max(abs(low), abs(high)))
 
@@ -94,32 +94,32 @@ MIN_SPEED_SPAN, MIN_DISTANCE_SPAN = 0.01, 1e-5
 """Minimum span of the axes, m/s and m: smaller values are rounding errors."""
 
 MIN_GROUND_SPAN_M = 2.0
-"""What the map spans at least: a robot that stands still moves by nanometres."""
+"""Minimum span of the map [m]: a robot that stands still moves by nanometres."""
 
 
 def ensure_ground(axes: Any) -> None:
-    """Let a map span at least MIN_GROUND_SPAN_M around what is drawn on it."""
+    """Make a map span at least MIN_GROUND_SPAN_M around what is drawn on it."""
     middle = (axes.dataLim.min + axes.dataLim.max) / 2
     axes.update_datalim([middle - MIN_GROUND_SPAN_M / 2, middle + MIN_GROUND_SPAN_M / 2])
 
 
 def base_column(trail: np.ndarray, name: str) -> np.ndarray:
-    """A column of the trail of a robot that drives, shape (n,)."""
+    """Return a column of the trail of a robot that drives, shape (n,)."""
     column: np.ndarray = trail[:, ROBOT_TRAIL_COLUMNS.index(name)]
     return column
 
 
 WORLD_MARGIN_M, WORLD_MARGIN_SHARE = 1.5, 0.2
-"""Margin of the world around the driven paths: metres, or a share of their extent if that is more."""
+"""Margin of the world around the driven paths: metres, or a share of their extent if that is larger."""
 
 WORLD_FILL = 0.4
 """Opacity of the bodies of the world."""
 
 
 def draw_world(axes: Any, arrays: Trails) -> None:
-    """The bodies of the world below the paths: their outlines at the start, and the ways of those that moved.
+    """Draw the world's bodies below the paths: their outlines at the start, and the paths of those that moved.
 
-    They are drawn as far as they lie around what was driven, which ``axes`` shows already.
+    Only bodies near the driven paths are drawn, which ``axes`` already shows.
     """
     corners, counts = (arrays.get(f"world.{each}", np.empty(0)) for each in ("corners", "counts"))
     if not len(counts):

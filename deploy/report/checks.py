@@ -1,4 +1,4 @@
-"""Checks of a run: figures against the bounds of a fleet file, and checks stated by services."""
+"""Checks of a run: figures against the bounds of a fleet file, and checks published by services."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ Value = float | int | None
 
 
 class Bound(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The least and the largest good value of a figure; at least one of them."""
+    """The minimum and maximum of a figure; at least one of them is set."""
 
     min: float | int | None = None
     max: float | int | None = None
 
 
 Bounds = Mapping[str, float | int | Bound]
-"""By key of a robot (for every robot) or of the run; a bare number is the largest good value."""
+"""By key of a robot (for every robot) or of the run; a bare number is the maximum."""
 
 DEFAULT_BOUNDS: Bounds = {"collisions": 0, "messages_lost": 0}
-"""Apply to every run unless the fleet states others; beside them, every robot must be seen and reach all its points."""
+"""Default bounds of every run; in addition, every robot must have samples and reach all its points."""
 LOCKSTEP_DEFAULT_BOUNDS: Bounds = {"members_lost": 0}
-"""Apply to every run in lockstep unless the fleet states others."""
+"""Additional default bounds of runs in lockstep."""
 
 _FAULT_COUNTS = ("changes_missed", "nodes_absent")
-"""Counts of the run that are 0 unless something went wrong: a check of its own is missed where one is not."""
+"""Counts of faults in a run: each that is not 0 adds a missed check."""
 
 _NOT_BOUNDED = (
     *("points_reached", "points_reached_at", "points_closest_m", "corners", "steps", "min_clearance_at_s"),
@@ -47,7 +47,7 @@ KEYS = tuple(dict.fromkeys((*ROBOT_KEYS, "points_reached", *RUN_KEYS)))
 
 
 def check_bounds(bounds: Bounds, where: str) -> None:
-    """Raise BadInput for a bound on a figure that does not exist, or that bounds nothing; ``where`` is its place."""
+    """Raise BadInput for a bound on an unknown figure, or without min and max; ``where`` is its place."""
     for name, bound in bounds.items():
         if name not in KEYS:
             raise unknown_name("figure", name, KEYS, where)
@@ -56,12 +56,12 @@ def check_bounds(bounds: Bounds, where: str) -> None:
 
 
 def check_figures(run: RunFigures, robots: Mapping[str, Figures], bounds: Bounds) -> tuple[Check, ...]:
-    """Every figure that has a bound, against it.
+    """Check every figure that has a bound.
 
-    The fleet's ``bounds`` are checked whatever the run measured: a figure that it did not measure misses its bound, and
-    one that none of its robots has is missed once, under its bare name. A bound on a figure that only another kind of
-    robot has is none for a robot. The default bounds, among them that every point of a plan is reached, are checked
-    where there is something to check.
+    The fleet's ``bounds`` are checked whatever the run measured: a figure that was not measured misses its bound, and
+    one that no robot has is missed once, under its bare name. A bound on a figure that only another kind of robot has
+    does not apply to a robot. The default bounds, including that every point of a plan is reached, are checked where
+    there is something to check.
     """
     found: list[Check] = []
     faults = {name: 0 for name in _FAULT_COUNTS if getattr(run, name)}
@@ -103,7 +103,7 @@ def _holds(value: Value, kind: Literal["min", "max"], bound: float | int) -> boo
 
 
 def service_checks(stated_by_node: Mapping[str, Iterable[Stated]]) -> tuple[Check, ...]:
-    """One check for each bound, node after node in the order of their names; named ``NODE.name``."""
+    """Return a check for each bound published by services, named ``NODE.name`` and sorted by node."""
     return tuple(
         made
         for node in sorted(stated_by_node)
@@ -113,12 +113,12 @@ def service_checks(stated_by_node: Mapping[str, Iterable[Stated]]) -> tuple[Chec
 
 
 def is_service_check(check: Check) -> bool:
-    """Whether a service has stated it: its name begins with a node's."""
+    """Return whether a service published the check: its name then begins with that of a node."""
     return check.name.startswith("/")
 
 
 def unknown_node_notes(nodes: Iterable[str]) -> tuple[str, ...]:
-    """The note on nodes whose checks do not count."""
+    """Return the note on nodes whose checks do not count."""
     listed = ", ".join(sorted(nodes))
     return (f"checks of nodes that are no processes of the fleet are not counted: {listed}",) if listed else ()
 

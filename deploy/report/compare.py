@@ -42,8 +42,8 @@ class TrajectoryDifference(msgspec.Struct, frozen=True, kw_only=True):
 class RunComparison(msgspec.Struct, frozen=True, kw_only=True):
     """The result of comparing two runs.
 
-    ``same`` is true if all that both runs have is equal. ``hashes`` are the trajectory hashes, None for a
-    bag without a run. ``notes`` list differences of the reports, and what could not be compared.
+    ``same`` is true if everything that both runs have is equal. ``hashes`` are the trajectory hashes, None for a bag
+    without a run. ``notes`` list differences of the reports, and what could not be compared.
     """
 
     same: bool
@@ -56,7 +56,7 @@ class RunComparison(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def tick_of(time_s: float) -> int:
-    """The physics step at a simulated time [s]."""
+    """Return the physics step at a simulation time [s]."""
     return round(time_s * 1e9) // STEP_NS
 
 
@@ -66,13 +66,13 @@ def compare_runs(left: Path, right: Path, bag_folder: str = "bag") -> RunCompari
     Args:
         left: The folder of a run, or a bag.
         right: The other one.
-        bag_folder: Where a run keeps its bag, in its folder.
+        bag_folder: Name of the bag in the folder of a run.
 
     Returns:
-        The first difference of the trajectories, and the first of the messages where both have a bag.
+        The first difference of the trajectories, and of the messages if both have a bag.
 
     Raises:
-        BadInput: One of them is neither a run that was graded nor a bag, or cannot be read.
+        BadInput: One of them is neither a graded run nor a bag, or cannot be read.
     """
     sides = (left, right)
     for each in sides:
@@ -119,7 +119,7 @@ def compare_runs(left: Path, right: Path, bag_folder: str = "bag") -> RunCompari
 
 
 def _compare_messages(bags: list[Bag], end: int | None = None) -> BagComparison:
-    """Compare two bags; raises BadInput when there is nothing to compare."""
+    """Compare two bags; raises BadInput if there is nothing to compare."""
     found = compare_bags(bags[0], bags[1], end)
     if not found.messages and found.difference is None:
         raise BadInput(f"{bags[0].path} and {bags[1].path} hold no messages to compare")
@@ -127,10 +127,10 @@ def _compare_messages(bags: list[Bag], end: int | None = None) -> BagComparison:
 
 
 def _bag_notes(bags: list[Bag], differ: bool) -> list[str]:
-    """The parts of the bags that could not be read, and for bags that differ what their recorders did not get."""
+    """Return the unreadable parts of the bags, and for differing bags the messages that their recorders lost."""
     if differ:
         for bag in bags:
-            deque(bag.entries(), maxlen=0)  # losses are noted at a file's end, and comparing ended earlier
+            deque(bag.entries(), maxlen=0)  # losses are recorded at a file's end, which the comparison did not reach
     notes = [problem for bag in bags for problem in bag.problems]
     for bag in bags if differ else ():
         if lost := lost_messages(bag):
@@ -144,7 +144,7 @@ def _bag_notes(bags: list[Bag], differ: bool) -> list[str]:
 def _first_trajectory_difference(
     left: Path, one: Measurements, right: Path, other: Measurements
 ) -> TrajectoryDifference | None:
-    """The earliest difference over all robots; of several at one time that of the first robot by name."""
+    """Return the earliest difference over all robots; of several at the same time, the first robot's by name."""
     trails = read_trails(left), read_trails(right)
     found = []
     for robot in sorted(one.robots.keys() | other.robots.keys()):
@@ -162,7 +162,9 @@ def _first_trajectory_difference(
 def _first_row(
     robot: str, columns: tuple[str, ...], left: np.ndarray, right: np.ndarray
 ) -> TrajectoryDifference | None:
-    """The first difference of two trails. Long ones are thinned, perhaps not alike: only common times are compared."""
+    """Return the first difference of two trails. Long trails are thinned, perhaps differently: only
+    common times count.
+    """
     times, rows, other_rows = np.intersect1d(left[:, 0], right[:, 0], return_indices=True)
     unequal = ~((left[rows] == right[other_rows]) | (np.isnan(left[rows]) & np.isnan(right[other_rows])))
     if unequal.any():
@@ -186,12 +188,12 @@ def _first_row(
 
 
 def _number(value: float) -> float | None:
-    """A value of a trail; NaN (unknown) as None."""
+    """Return a value of a trail; None for NaN (unknown)."""
     return None if np.isnan(value) else float(value)
 
 
 def _report_notes(left: Path, right: Path) -> list[str]:
-    """The differences of the reports' settings: fleet, mode, seed, version and parameters."""
+    """Return the differences of the reports' settings: fleet, mode, seed, version and parameters."""
     one, other = read_report(left), read_report(right)
     if one is None or other is None:
         return []

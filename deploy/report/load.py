@@ -55,11 +55,11 @@ class Table(Mapping[str, np.ndarray]):
 
     @property
     def rows(self) -> int:
-        """The length of each column."""
+        """The length of the columns."""
         return len(next(iter(self.columns.values()), ()))
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The same as a data frame; raises BadInput where pandas is not installed."""
+        """Return the table as a pandas data frame; raises BadInput if pandas is not installed."""
         try:
             import pandas
         except ImportError:
@@ -69,11 +69,11 @@ class Table(Mapping[str, np.ndarray]):
 
 @dataclass(frozen=True)
 class Run:
-    """The folder of a run.
+    """The data in the folder of a run.
 
     ``trails`` has a table for each robot: s, m, rad and m/s for bases, degrees and N m for arms, nan where unknown; the
-    columns are those of ``services/grader/records.py``. ``paths`` are the corners of each base's reference, shape
-    (n, 2) in m, empty without one.
+    columns are those of ``services/grader/records.py``. ``paths`` are the corners of each base's reference, shape (n,
+    2) in m, empty without one.
     """
 
     folder: Path
@@ -90,11 +90,11 @@ class Run:
         return open_bag(path)
 
     def topics(self) -> dict[str, str]:
-        """The recorded topics with their types."""
+        """Return the types of the recorded topics by name."""
         return {each.topic: each.type for each in self.bag.channels()}
 
     def topic(self, name: str) -> Table:
-        """The messages of a recorded topic, a column for each field.
+        """Return the messages of a recorded topic, with a column for each field.
 
         Column ``time`` is simulation time and ``log_time`` wall time, both in s. Numbers are float64, with nan where a
         message has no such field; other values are objects. Paths of fields are joined by dots, as in
@@ -127,7 +127,7 @@ class Run:
 
 
 def load(folder: str | Path) -> Run:
-    """The run in a folder; raises BadInput when it has no report, or one that cannot be read."""
+    """Load the run in a folder; raises BadInput if it has no report, or an unreadable one."""
     path = Path(folder).expanduser()
     if not path.is_dir():
         raise BadInput(f"there is no folder {path}: give the folder of a run, as ./elea up prints it")
@@ -145,7 +145,7 @@ def load(folder: str | Path) -> Run:
 
 
 def read_report(folder: Path) -> Report | None:
-    """The report of a run; None when there is none that can be read."""
+    """Return the report of a run; None if it is missing or unreadable."""
     try:
         return msgspec.json.decode((folder / REPORT_FILE).read_bytes(), type=Report)
     except (OSError, *DECODE_ERRORS):
@@ -153,7 +153,7 @@ def read_report(folder: Path) -> Report | None:
 
 
 def read_trails(folder: Path) -> dict[str, np.ndarray]:
-    """The arrays of a run's trajectories; raises BadInput."""
+    """Return the arrays of a run's trajectories; raises BadInput."""
     path = folder / TRAJECTORIES_FILE
     try:
         with np.load(path, allow_pickle=False) as arrays:
@@ -170,7 +170,7 @@ def _trail(rows: np.ndarray) -> Table:
 
 
 def _column(values: list[Any]) -> np.ndarray:
-    """Numbers as float64, with nan for None; anything else as objects."""
+    """Return numbers as float64, with nan for None; anything else as objects."""
     if all(each is None or isinstance(each, int | float) for each in values):
         return np.array([np.nan if each is None else each for each in values], float)
     return np.array(values, object)

@@ -20,8 +20,9 @@ from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun,
 
 
 def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
-    """Returns the base drivers' configuration warnings, a note for each square driven by the tutorial's law, and one on
-    the errors of wheel odometry."""
+    """Return the base drivers' configuration warnings, a note for each square driven by the tutorial's law, and one on
+    the errors of wheel odometry.
+    """
     found, tutorial = list[str](), list[str]()
     found += _base_warnings(fleet.robot)
     for robot in fleet.robot:
@@ -34,7 +35,7 @@ def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
 
 
 def _odometry_notes(fleet: Fleet) -> list[str]:
-    """The odometry error of each robot; empty for exact odometry."""
+    """Return a note on the robots' wheel odometry errors; empty if all odometry is exact."""
     parts = []
     for robot in fleet.robot:
         model = read_model(robot.model)
@@ -55,24 +56,24 @@ def _odometry_notes(fleet: Fleet) -> list[str]:
 
 
 def start_lines(fleet: Fleet, overrides: Sequence[str]) -> tuple[str, ...]:
-    """Notes at the start of a run: changed keys of the fleet file, and robots without a command timeout."""
+    """Return notes for the start of a run: overridden keys of the fleet file, and robots without a command timeout."""
     lines = [f"changed on the command line: {', '.join(overrides)}"] if overrides else []
     return (*lines, *(each for each in _base_warnings(fleet.robot) if each.endswith(NO_TIMEOUT)))
 
 
 def overrides_note(overrides: Sequence[str]) -> tuple[str, ...]:
-    """One note with the keys of the fleet file that the command line changed, or none."""
+    """Return one note with the overridden keys of the fleet file, or none."""
     return (f"Changed on the command line: {', '.join(overrides)}.",) if overrides else ()
 
 
 def _base_warnings(robots: Iterable[RobotConfig]) -> list[str]:
-    """The warnings of their base drivers, one of many robots told once."""
+    """Return the warnings of the robots' base drivers; one that several robots share is listed once."""
     names_by_warning: dict[str, list[str]] = {}
     for robot in robots:
         try:
             settings = _settings(robot)
         except BadInput:
-            continue  # the simulation has refused it, with the reason
+            continue  # the simulation rejected it and reported the reason
         for warning in settings.warnings if settings else ():
             names_by_warning.setdefault(warning, []).append(robot.name)
     lines = []
@@ -108,7 +109,7 @@ def _settings(robot: RobotConfig) -> DriveConfig | None:
 
 
 def _ideal_base(drive: Drive) -> BaseStep:
-    """The base driver of the simulation on wheels that follow exactly."""
+    """Return the simulation's base driver on wheels that follow their commands exactly."""
     state = AT_REST
 
     def move(command: Twist2) -> Twist2:
@@ -121,11 +122,11 @@ def _ideal_base(drive: Drive) -> BaseStep:
 
 MAX_NAMED_NODES = 3
 MAX_NAMED_ROBOTS = 6
-"""Maximum nodes and robots named in a note."""
+"""Maximum number of nodes and robots named in a note."""
 
 
 def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
-    """One note for a run in real time in which the simulation fell behind; or services, if its checks do not hold.
+    """Return a note if a run in real time fell behind; of missed ticks of services only if a check was missed, too.
 
     Most machines miss a tick now and then, without harm.
     """

@@ -1,4 +1,4 @@
-"""The picture of a run: paths from above, cross-track error and speed over time; and what its arms did."""
+"""The picture of a run: paths from above, cross-track error and speed over time, and the motion of its arms."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from deploy.report.table import format_fixed, square_lines, wheeled_robots
 from services.grader.records import ARM_TRAIL_COLUMNS, ArmFigures, RobotFigures, StepFigures
 
 STEP_CLOSE_UP_S = 0.6
-"""Time [s] of a step shown in detail, and a tenth of it before."""
+"""Time [s] of a step shown in detail; a tenth of it is before the step."""
 
 MIN_SPANS = (0.1, 0.01, 0.1)
-"""Minimum span of the axes of angle [deg], error [deg] and effort [N m]."""
+"""Minimum spans of the axes of angle [deg], error [deg] and effort [N m]."""
 
 
 def measured_arms(report: Report, arrays: Trails) -> dict[str, ArmFigures]:
-    """The arms of a run of which there is something to show; of more than FEW the worst."""
+    """Return the arms of a run that have data to show; of more than FEW the worst."""
     found = {
         name: each
         for name, each in report.robots.items()
@@ -57,7 +57,9 @@ def measured_arms(report: Report, arrays: Trails) -> dict[str, ArmFigures]:
 def draw_arms(
     near: Any, over_time: tuple[Any, Any, Any], arms: dict[str, ArmFigures], arrays: Trails, line: dict[str, LineStyle]
 ) -> None:
-    """Draw the largest steps into ``near``, None without any, and angle, error and effort into the axes of one time."""
+    """Draw the largest steps into ``near``, unless it is None, and angle, error and effort over time into the other
+    axes.
+    """
     angle, error, effort = over_time
     error.sharex(angle)
     effort.sharex(angle)
@@ -96,7 +98,7 @@ def _armbase_column(trail: np.ndarray, name: str) -> np.ndarray:
 
 
 def _limit_error_axis(axes: Any, arms: dict[str, ArmFigures]) -> None:
-    """A step's initial error is as large as the step; the interesting part is a hundredth of that."""
+    """Limit the error axis: a step's initial error is as large as the step, and what matters is a hundredth of that."""
     figures = (each for arm in arms.values() for each in (arm.tracking_max_deg, arm.step_steady_error_deg))
     if worth := [each for each in figures if each is not None]:
         reach = max(0.05, 1.6 * max(worth))
@@ -132,14 +134,14 @@ def _effort_label(name: str, figures: ArmFigures) -> str:
 
 
 WIDTH, HEIGHT, ARM_HEIGHT, EMPTY_HEIGHT, DPI = 13.5, 7.6, 3.4, 1.6, 130
-"""Inches; a run with robots that drive and arms is as high as both."""
+"""Sizes [inches]; a picture of driving robots and arms has both heights."""
 
 PALETTE_SIZE = 256
-"""Colours in the file: it looks the same, in a third of the bytes."""
+"""Number of colours in the file, which looks the same with a third of the bytes."""
 
 
 def render_png(report: Report, trajectories: Path) -> bytes:
-    """The bytes of the PNG; ``trajectories`` is the grader's file. Plots without data are left out."""
+    """Return the picture as PNG; ``trajectories`` is the grader's file. Plots without data are left out."""
     figure = draw_figure(report, trajectories)
     plain, out = BytesIO(), BytesIO()
     figure.savefig(plain, format="png", pil_kwargs={"compress_level": 1})
@@ -150,7 +152,7 @@ def render_png(report: Report, trajectories: Path) -> bytes:
 
 
 def draw_figure(report: Report, trajectories: Path) -> Figure:
-    """The same as a figure of Matplotlib."""
+    """Return the picture as a Matplotlib figure."""
     with np.load(trajectories) as stored:
         arrays: Trails = {name: stored[name] for name in stored.files}
     driving = {name: each for name, each in wheeled_robots(report).items() if len(arrays[f"{name}.trail"])}
@@ -173,7 +175,7 @@ def draw_figure(report: Report, trajectories: Path) -> Figure:
 
 
 def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, RobotFigures], arrays: Trails) -> None:
-    """The robots that drive, above ``bottom``, a share of the height; with the legend below."""
+    """Draw the driving robots above ``bottom``, a share of the height, with the legend below."""
     top, line = 1 - 1.102 / figure.get_figheight(), coloured_line_styles(driving, report.robots)
     tracked = [name for name in driving if not np.isnan(base_column(arrays[f"{name}.trail"], "cross_track")).all()]
     grid = figure.add_gridspec(
@@ -208,8 +210,9 @@ def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, R
 
 
 def _arm_axes(figure: Any, beside: bool, steps: bool) -> list[Any]:
-    """Step, angle, error and effort: the whole picture, or a row of it below the robots that drive. Without ``steps``
-    the first is None."""
+    """Return the axes of step, angle, error and effort: the whole picture, or a row below the driving robots. Without
+    ``steps`` the first is None.
+    """
     none = [] if steps else [None]
     if beside:
         top, bottom = (ARM_HEIGHT - 0.45) / figure.get_figheight(), 0.5 / figure.get_figheight()
@@ -227,7 +230,7 @@ def _arm_axes(figure: Any, beside: bool, steps: bool) -> list[Any]:
 def _draw_path(axes: Any, path: np.ndarray, trail: np.ndarray, colour: str, name: str) -> None:
     axes.plot(path[:, 0], path[:, 1], color=colour, lw=5, alpha=0.16, solid_joinstyle="round", zorder=1)
     axes.plot(base_column(trail, "x"), base_column(trail, "y"), color=colour, lw=1.3, label=name, zorder=3)
-    # Odometry may come less often than ground truth; between its samples the trail has none.
+    # Odometry may arrive less often than ground truth; between its samples the trail has none.
     seen = trail[~np.isnan(base_column(trail, "odom_x"))]
     axes.plot(
         base_column(seen, "odom_x"), base_column(seen, "odom_y"), color=INK, lw=0.8, ls=(0, (1, 4)), alpha=0.8, zorder=4
@@ -238,7 +241,7 @@ def _draw_path(axes: Any, path: np.ndarray, trail: np.ndarray, colour: str, name
 
 
 def _draw_square_notes(axes: Any, report: Report) -> None:
-    """The closure of each square, or why it did not close, below the title of the paths."""
+    """Draw the closure of each square, or why it did not close, below the title of the paths."""
     lines = [line for line in square_lines(report.robots) if "closed" in line]
     lines += [line for note in report.notes for line in wrap(note, 78)]
     if lines:
@@ -253,7 +256,7 @@ def _draw_square_notes(axes: Any, report: Report) -> None:
             zorder=7,
             bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 2},
         )
-        # A point that is not drawn makes room; limits set by hand would cut the paths, the scales being equal.
+        # An invisible point extends the limits; setting them by hand would cut the paths, since the scales are equal.
         reach = axes.dataLim
         axes.plot([reach.x0], [reach.y1 + reach.height * (0.05 + 0.03 * len(lines))], ls="")
 
@@ -277,7 +280,7 @@ def _draw_cross_track(axes: Any, robots: dict[str, RobotFigures], arrays: Trails
 
 
 def _add_line_legend(axes: Any, least: float) -> None:
-    """A legend over the lines, which begin at 0 and make room for it; the axis reaches ``least`` at least."""
+    """Add a legend above the lines, extending the axis from 0 to make space for it and reach at least ``least``."""
     axes.set_ylim(0, 1.3 * max(least, axes.get_ylim()[1]))
     axes.legend(loc="upper center", ncols=3, fontsize=8, frameon=False, labelcolor=INK, handlelength=3)
 

@@ -1,4 +1,4 @@
-"""The picture of many robots that drive: all paths faintly, the worst by name, and the others as percentiles."""
+"""The picture of many driving robots: all paths faintly, the worst by name, and the others as percentiles."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from models import palette
 from services.grader.records import RobotFigures
 
 STRIP_HEIGHT = 2.6
-"""Inches of the row of small plots below the paths."""
+"""Height [inches] of the row of small plots below the paths."""
 
 LINES, NAMED = 4, 8
-"""The worst robots: those that have a line of their own over time, and those that are named on the map."""
+"""Number of worst robots with their own line over time, and of those named on the map."""
 
 BAD, BAND = "#c1121f", "#566270"
 
 INSTANTS, PATH_POINTS = 600, 800
-"""Instants at which all robots are compared, and points of a path that are drawn at most."""
+"""Number of instants at which robots are compared, and maximum number of points of a drawn path."""
 
 BANDS = ((5, 95, 0.16), (25, 75, 0.32))
-"""Percentiles between which an area is filled, and its opacity."""
+"""Pairs of percentiles with a filled area between them, and its opacity."""
 
 
 class _Quantity(NamedTuple):
-    """A figure that has a small plot: its key and title, its unit and the factor to it, and whether small is bad."""
+    """A figure with its own small plot: key, title, unit and factor to it, and whether small values are bad."""
 
     key: str
     title: str
@@ -65,7 +65,7 @@ _SMALL_PLOTS = 4
 
 
 def draw_many(figure: Any, bottom: float, report: Report, driving: dict[str, RobotFigures], arrays: Trails) -> None:
-    """Draw robots that drive into ``figure`` above ``bottom``, a share of its height."""
+    """Draw driving robots into ``figure`` above ``bottom``, a share of its height."""
     height = figure.get_figheight()
     top, middle = 1 - 1.102 / height, bottom + (STRIP_HEIGHT + 0.62) / height
     colours = {name: palette.hexadecimal(each) for name, each in palette.colours(report.robots).items()}
@@ -107,7 +107,9 @@ def _draw_paths(
     bad: list[str],
     report: Report,
 ) -> None:
-    """All true paths, with start and goals; a robot that missed a check ends in a cross, the worst with its name."""
+    """Draw all true paths with start and goals; a robot that missed a check ends in a cross, the
+    worst with its name.
+    """
     paths, starts, goals = [], [], []
     for name in driving:
         trail, reference = arrays[f"{name}.trail"], arrays[f"{name}.path"]
@@ -177,14 +179,14 @@ def _draw_notes(axes: Any, report: Report) -> None:
     axes.text(
         0.01, 0.985, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=7, color=INK, zorder=8, bbox=box
     )
-    reach = axes.dataLim  # a point that is not drawn makes room
+    reach = axes.dataLim  # an invisible point extends the limits
     axes.plot([reach.x0], [reach.y1 + reach.height * (0.04 + 0.025 * len(lines))], ls="")
 
 
 def _draw_bands(
     axes: Any, trails: dict[str, np.ndarray], key: str, factor: float, worst: list[str], colours: dict[str, str]
 ) -> None:
-    """The percentiles of all robots at each instant, their extreme, and lines of their own for the worst."""
+    """Draw the percentiles of all robots at each instant, their extreme, and the lines of the worst."""
     ends = [base_column(trail, "time")[[0, -1]] for trail in trails.values()]
     instants = np.linspace(min(first for first, _ in ends), max(last for _, last in ends), INSTANTS)
     values = np.array([factor * sample_trail(trail, key, instants) for trail in trails.values()])
@@ -209,7 +211,9 @@ def _draw_bands(
 
 
 def sample_trail(trail: np.ndarray, key: str, instants: np.ndarray) -> np.ndarray:
-    """A column of a trail at some instants [s], shape (n,): by straight lines, nan where the robot was not measured."""
+    """Return a column of a trail interpolated linearly at ``instants`` [s], shape (n,); nan where
+    it was not measured.
+    """
     time, column = base_column(trail, "time"), base_column(trail, key)
     known = ~np.isnan(column)
     if not known.any():
@@ -231,7 +235,7 @@ def _add_legend(axes: Any, least: float) -> None:
 
 
 def _draw_sorted(axes: Any, quantity: _Quantity, driving: dict[str, RobotFigures], report: Report) -> None:
-    """One figure of every robot from the best to the worst, its bounds, and those that miss them."""
+    """Draw a figure of every robot from the best to the worst, its bounds, and the robots that miss them."""
     values = {
         name: quantity.factor * value
         for name, each in driving.items()

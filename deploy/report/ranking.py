@@ -1,4 +1,4 @@
-"""The robots of a run, worst first, for a table and a picture that show only some of them."""
+"""Ranks the robots of a run, worst first, for a table and a picture that show only some of them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from models.palette import natural_order
 from services.grader.records import ArmFigures, Figures
 
 FEW = 8
-"""Robots that are all shown alike; of more, the worst ones come first, and the others are summarized."""
+"""Maximum number of robots that are all shown; of more, the worst are shown and the others summarized."""
 
 
 def robot_of_check(name: str, report: Report) -> str | None:
-    """The robot that a check is about, by its figure or by a service of its own; None for one of the run."""
+    """Return the robot that a check is about, by its figure or its own service; None for a check of the run."""
     if name.startswith("/"):
         parts = name.rpartition(".")[0].strip("/").split("/")
         spaces = ["/".join(parts[:count]) for count in range(len(parts) - 1, 0, -1)]
@@ -23,13 +23,13 @@ def robot_of_check(name: str, report: Report) -> str | None:
 
 
 def missed_checks(report: Report) -> Counter[str]:
-    """How many checks each robot missed; those that missed none are left out."""
+    """Return the number of missed checks of each robot that missed any."""
     found = (robot_of_check(each.name, report) for each in report.checks if not each.ok)
     return Counter(robot for robot in found if robot is not None)
 
 
 def worst_first(report: Report) -> list[str]:
-    """All robots: by the checks that they missed, points not reached, collisions, losses, time-outs, then by errors."""
+    """Return all robots, sorted by missed checks, points not reached, collisions, losses, time-outs, then errors."""
     missed = missed_checks(report)
     ordered = sorted(report.robots, key=natural_order)
     return sorted(ordered, key=lambda name: [-each for each in (missed[name], *_faults(report.robots[name]))])

@@ -46,7 +46,7 @@ class ChangeFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """The supervisor's facts about a run; ``failed`` are the nodes of processes that ended with an error."""
+    """The supervisor's facts about a run; ``failed`` are the nodes of processes that exited with an error."""
 
     fleet: str
     mode: str
@@ -150,7 +150,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
-    """The run's figures out of both sources."""
+    """Combine both sources into the run's figures."""
     lost, left = _members(facts, measured)
     return RunFigures(
         fleet=facts.fleet,
@@ -180,17 +180,17 @@ def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
 
 
 MAX_NAMED = 10
-"""Names in one line about the run."""
+"""Maximum number of names in one line about the run."""
 
 
 def named(names: Sequence[str], most: int = 3) -> str:
-    """The first ``most`` names, and how many more there are."""
+    """Return the first ``most`` names, and the number of further ones."""
     rest = len(names) - most
     return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def member_notes(facts: RunFacts, measured: Measurements) -> tuple[str, ...]:
-    """A note on the members that lockstep lost, in words."""
+    """Return notes on the members that lockstep lost, and on those that left it."""
     lost, left = _members(facts, measured)
     found = []
     if lost:
@@ -201,27 +201,29 @@ def member_notes(facts: RunFacts, measured: Measurements) -> tuple[str, ...]:
 
 
 def _members(facts: RunFacts, measured: Measurements) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The members that lockstep lost, and those that left it; one that failed takes leave, too, but is lost."""
+    """Return the members that lockstep lost, and those that left it; one that failed counts as
+    lost, even if it left.
+    """
     lost, left = measured.members_lost or (), measured.members_left
     failed = tuple(each for each in left if each in facts.failed and each not in lost)
     return (*lost, *failed), tuple(each for each in left if each not in facts.failed)
 
 
 SCHEMA_FILE = Path(__file__).with_name("schema.json")
-"""What ``python -m deploy.report.record`` prints."""
+"""The schema file, as printed by ``python -m deploy.report.record``."""
 
 
 def report_schema() -> dict[str, Any]:
-    """JSON Schema 2020-12 of a report."""
+    """Return the JSON Schema 2020-12 of a report."""
     schema = msgspec.json.schema(Report)
     for each in schema["$defs"].values():
-        if "description" in each:  # a docstring, whose indentation Python 3.13 takes away
+        if "description" in each:  # a docstring, whose indentation Python 3.13 removes
             each["description"] = cleandoc(each["description"])
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Elea run report", **schema}
 
 
 def schema_text() -> str:
-    """The contents of schema.json."""
+    """Return the contents of schema.json."""
     return json.dumps(report_schema(), indent=2) + "\n"
 
 

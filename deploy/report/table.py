@@ -14,17 +14,17 @@ from deploy.report.record import MAX_NAMED, Check, Report, named
 from services.grader.records import ArmFigures, CornerFigures, Figures, RobotFigures
 
 ROUNDING_SHARE = 1e-6
-"""A number below this share of the numbers beside it is shown as zero."""
+"""A number smaller than this share of the numbers beside it is shown as zero."""
 
 
 def format_fixed(value: float, digits: int, sign: bool = False) -> str:
-    """A number with ``digits`` decimals; with ``sign``, a plus before a positive one."""
+    """Format a number with ``digits`` decimals; with ``sign``, a plus before a positive one."""
     text = f"{value:{'+' if sign else ''}.{digits}f}"
     return text if float(text) else f"{0:.{digits}f}"
 
 
 def format_number(value: float, scale: float) -> str:
-    """As short as it goes, beside numbers of the size ``scale``."""
+    """Format a number as briefly as possible, among numbers of the magnitude ``scale``."""
     return "0" if abs(value) < ROUNDING_SHARE * abs(scale) or value == 0 else f"{value:.6g}"
 
 
@@ -42,11 +42,11 @@ _HEADINGS = (
     ("", "timed", "out"),
     ("", "msgs", "lost"),
 )
-"""Of three lines each, so that the table fits 80 columns; track is the cross-track error, near a body the clearance."""
+"""Three lines each, so that the table fits 80 columns; track is the cross-track error, near a body the clearance."""
 
 
 SHOWN, DETAILED = 10, 3
-"""Of more than FEW robots, those that have a row of the table, and those that have lines of their own below it."""
+"""Of more than FEW robots, the number with a row in the table, and the number with detail lines below it."""
 
 
 def print_report(report: Report, out: TextIO | None = None, every: bool = False) -> None:
@@ -72,7 +72,7 @@ def print_report(report: Report, out: TextIO | None = None, every: bool = False)
 
 
 def summary(report: Report) -> str:
-    """The run in one line."""
+    """Summarize the run in one line."""
     run = report.run
     engine = f"engine {run.engine}, " if run.engine else ""
     topology = f"topology {run.topology}, " if run.topology else ""
@@ -85,7 +85,7 @@ def summary(report: Report) -> str:
 
 
 def missed_lines(report: Report, every: bool = False) -> list[str]:
-    """The checks that do not hold: a line for each, or for all of a kind that many robots miss."""
+    """Return the missed checks: a line for each, or one for a kind that many robots miss."""
     lines = []
     for group in _groups((each for each in report.checks if not each.ok), report, every):
         if len(group) > 1:
@@ -96,7 +96,7 @@ def missed_lines(report: Report, every: bool = False) -> list[str]:
 
 
 def describe_check(check: Check) -> str:
-    """A check in words."""
+    """Describe a check in words."""
     sign = {"min": "at least", "max": "at most"}
     value = "not measured" if check.value is None else format_number(check.value, check.bound)
     reason = f": {check.reason}" if check.reason else ""
@@ -104,7 +104,7 @@ def describe_check(check: Check) -> str:
 
 
 def service_check_lines(report: Report, every: bool = False) -> list[str]:
-    """The passed checks of services; failed ones are listed as missed."""
+    """Return the passed checks of services; failed ones are listed as missed."""
     held = (each for each in report.checks if is_service_check(each) and each.ok)
     return [
         f"holds for {_describe_group(group, report)}" if len(group) > 1 else f"holds: {describe_check(group[0])}"
@@ -113,7 +113,7 @@ def service_check_lines(report: Report, every: bool = False) -> list[str]:
 
 
 def _groups(checks: Iterable[Check], report: Report, every: bool) -> Iterator[list[Check]]:
-    """The checks one by one; those of a kind together where more than DETAILED of more than FEW robots have one."""
+    """Group checks: those of a kind that more than DETAILED of more than FEW robots have together, others alone."""
     if every or len(report.robots) <= FEW:
         yield from ([each] for each in checks)
         return
@@ -129,19 +129,19 @@ def _groups(checks: Iterable[Check], report: Report, every: bool) -> Iterator[li
 
 
 def _goodness(check: Check) -> float:
-    """Orders checks of a kind from the worst, those that were not measured before all."""
+    """Sort key of checks of a kind: worst first, those not measured before all others."""
     if check.value is None:
         return -math.inf
     return check.value - check.bound if check.kind == "min" else check.bound - check.value
 
 
 def _kind(check: str, robot: str | None) -> str:
-    """The name of a check without its robot."""
+    """Return the name of a check without its robot."""
     return check.removeprefix("/").removeprefix(robot or "").lstrip("./")
 
 
 def _describe_group(group: list[Check], report: Report) -> str:
-    """How many robots, which figure, its bounds, and the values of the worst."""
+    """Describe how many robots missed which figure, its bounds, and the values of the worst."""
     first, robots = group[0], [robot_of_check(each.name, report) for each in group]
     bounds = sorted({each.bound for each in group})
     bound = f"{bounds[0]:g}" if len(bounds) == 1 else f"{bounds[0]:g} to {bounds[-1]:g}"
@@ -157,7 +157,7 @@ def _describe_group(group: list[Check], report: Report) -> str:
 
 
 def _cause_lines(check: str, report: Report) -> list[str]:
-    """The hint behind a count that is too high."""
+    """Return the hint about a count that is too high."""
     robot, _, figure = check.rpartition(".")
     figures = report.robots.get(robot)
     if figure == "min_clearance_m" and isinstance(figures, RobotFigures) and figures.min_clearance_at_s is not None:
@@ -175,7 +175,9 @@ def _cause_lines(check: str, report: Report) -> list[str]:
 
 
 def detail_lines(report: Report, every: bool = False) -> list[str]:
-    """Figures without a column in the table; of more than FEW robots those of the worst DETAILED, unless ``every``."""
+    """Return figures that are not in the table's columns; of more than FEW robots, for the worst DETAILED unless
+    ``every``.
+    """
     robots, lines = dict(report.robots), list[str]()
     if len(robots) > FEW and not every:
         names = worst_first(report)
@@ -190,24 +192,24 @@ def detail_lines(report: Report, every: bool = False) -> list[str]:
 
 
 def note_lines(report: Report) -> list[str]:
-    """What the report says of the run in words."""
+    """Return the notes of the report."""
     return [*report.notes, *pending_change_lines(report), *observer_loss_lines(report)]
 
 
 def pending_change_lines(report: Report) -> list[str]:
-    """The scheduled changes whose time the run did not reach."""
+    """Return the scheduled changes whose time the run did not reach."""
     left = [f"{each.set} at {each.at_s:g} s" for each in report.changes if each.made is None]
     return [f"not reached before the end: the scheduled changes of {named(left, MAX_NAMED)}"] if left else []
 
 
 def observer_loss_lines(report: Report) -> list[str]:
-    """The losses of observers, which do not count for the run."""
+    """Return the losses of observers, which do not count for the run."""
     missed = named([f"{node} {count}" for node, count in report.run.onlookers_lost.items()], MAX_NAMED)
     return [f"messages missed by observers, on which the run does not depend: {missed}"] if missed else []
 
 
 def wheeled_robots(report: Report) -> dict[str, RobotFigures]:
-    """The robots that drive."""
+    """Return the driving robots."""
     return _driving(report.robots)
 
 
@@ -216,7 +218,7 @@ def _driving(robots: Mapping[str, Figures]) -> dict[str, RobotFigures]:
 
 
 def arm_lines(robots: Mapping[str, Figures]) -> list[str]:
-    """For each arm: how it took its largest step and how it followed, and how hard it had to work."""
+    """Describe for each arm its steps, tracking error, effort and saturation."""
     lines = []
     for name, each in robots.items():
         if not isinstance(each, ArmFigures):
@@ -239,7 +241,7 @@ def arm_lines(robots: Mapping[str, Figures]) -> list[str]:
 
 
 def square_lines(robots: Mapping[str, Figures]) -> list[str]:
-    """For each robot that drove a closed path: how it met the corners, and how the path closed."""
+    """Describe for each robot that drove a closed path its errors at the corners, and the closure."""
     lines = []
     for name, each in _driving(robots).items():
         met = [corner for corner in each.corners if corner is not None]
@@ -258,7 +260,7 @@ def square_lines(robots: Mapping[str, Figures]) -> list[str]:
 
 
 def stop_lines(robots: Mapping[str, Figures]) -> list[str]:
-    """For each robot that stopped after its last command: the stop, against the theory."""
+    """Describe for each robot that stopped after its last command the stop, compared with theory."""
     return [
         f"{name}: left without a command {each.stops} times; from {_number(each.stop_speed, 1, 2)} m/s to rest in "
         f"{_number(each.stop_time_s, 1, 2)} s and {_number(each.stop_distance_m, 1000, 0)} mm"
@@ -273,7 +275,7 @@ def stop_lines(robots: Mapping[str, Figures]) -> list[str]:
 
 
 def verdict(report: Report) -> str:
-    """The number of passed checks."""
+    """Return the number of passed checks."""
     held = sum(each.ok for each in report.checks)
     unmeasured = sum(each.value is None for each in report.checks)
     missing = f", {unmeasured} not measured" if unmeasured else ""
@@ -298,7 +300,7 @@ def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
 
 
 def _median_row(robots: list[RobotFigures]) -> tuple[str, ...]:
-    """The medians of what was measured; of the counts and points the sums."""
+    """Return the row of medians of the measured values, and sums of the counts and points."""
 
     def middle(name: str, factor: float, digits: int) -> str:
         values = [value for each in robots if (value := getattr(each, name)) is not None]
@@ -325,11 +327,11 @@ def _median_row(robots: list[RobotFigures]) -> tuple[str, ...]:
 
 
 MEDIAN_ROW = "all"
-"""Begins the name of the row about all robots."""
+"""First part of the name of the row about all robots."""
 
 
 def _rest_lines(names: list[str], report: Report) -> list[str]:
-    """A line about the robots without a row, with the command that shows them all."""
+    """Return a line about the robots without a row, with the command that shows them all."""
     if not names:
         return []
     missed = missed_checks(report)

@@ -1,4 +1,4 @@
-"""Makes the report: measurements and facts in, report.json and report.png out."""
+"""Builds the report: from measurements and facts to report.json and report.png."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from services.runtime.errors import BadInput
 
 
 def read_measurements(folder: Path) -> Measurements:
-    """The figures that the grader left in ``folder``; raises BadInput when there are none."""
+    """Return the figures that the grader wrote to ``folder``; raises BadInput if there are none."""
     path = folder / MEASUREMENTS_FILE
     try:
         return msgspec.json.decode(path.read_bytes(), type=Measurements)
@@ -27,7 +27,7 @@ def read_measurements(folder: Path) -> Measurements:
 
 
 def build_report(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Report:
-    """The report of a run."""
+    """Build the report of a run."""
     run = run_figures(facts, measured)
     found = (*check_figures(run, measured.robots, bounds), *facts.checks)
     ok = all(each.ok for each in found)
@@ -44,7 +44,7 @@ def build_report(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Rep
 
 
 def write_report(folder: Path, facts: RunFacts, bounds: Bounds, picture: bool = True) -> Report:
-    """Grade the run whose measurements lie in ``folder``, and put report.json and the picture report.png beside them.
+    """Grade the run with measurements in ``folder``; write report.json and the picture report.png next to them.
 
     Raises BadInput if the folder cannot be written, or has no measurements.
     """
@@ -58,5 +58,5 @@ def write_report(folder: Path, facts: RunFacts, bounds: Bounds, picture: bool = 
 
 
 def to_json(report: Report) -> bytes:
-    """report.json's text."""
+    """Return the text of report.json."""
     return msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"

@@ -1,1 +1,1 @@
-"""The commands of ROS 1 under their names, so that the lines of a tutorial work unchanged."""
+"""The commands of ROS 1 under their own names, so that the commands of a tutorial work unchanged."""

@@ -1,4 +1,4 @@
-"""What each command of ROS 1 does here: it runs a verb of Elea or a program of ROS's output, or is not needed."""
+"""Maps each ROS 1 command to a command of Elea, to a program with ROS's output, or to a note that it is not needed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Command = Callable[[list[str]], int]
 
 
 def run_command(name: str, words: Sequence[str]) -> int:
-    """Run a command of ROS 1 by its name; the exit status, if this process is not replaced. Raises BadInput."""
+    """Run a ROS 1 command by name; return the exit status, if this process is not replaced. Raises BadInput."""
     if name.startswith("rqt"):
         return _elea("panel")
     if name not in COMMANDS:
@@ -57,7 +57,7 @@ def _python(*words: str) -> NoReturn:
 
 
 def _tool(name: str, *words: str, network: bool = True) -> NoReturn:
-    """Run one of the programs with ROS 1's output, on the network of the running fleet."""
+    """Run a program with ROS 1's output on the network of the running fleet."""
     fleets, port = running_fleets(), _chosen_port()
     several = port is None and len(fleets) > 1
     if network and not fleets:
@@ -72,7 +72,7 @@ def _tool(name: str, *words: str, network: bool = True) -> NoReturn:
 
 
 def _chosen_port() -> int | None:
-    """The port in ROS_MASTER_URI, if a fleet runs there: it chooses one of several."""
+    """Return the port in ROS_MASTER_URI if a fleet runs there, which selects one of several fleets."""
     found = re.search(r":(\d+)/?$", os.environ.get("ROS_MASTER_URI", ""))
     return next((each.port for each in running_fleets() if found and each.port == int(found[1])), None)
 
@@ -126,7 +126,7 @@ def _rosbag(words: list[str]) -> int:
 
 
 def _is_ros1_bag(name: str) -> bool:
-    """Whether a word names a bag file of ROS 1."""
+    """Return whether an argument names a ROS 1 bag file."""
     try:
         with Path(name).open("rb") as file:
             return file.read(7) == b"#ROSBAG"
@@ -135,7 +135,7 @@ def _is_ros1_bag(name: str) -> bool:
 
 
 def _bag(name: str) -> str:
-    """The folder of a bag that was recorded under the name of a file."""
+    """Return the folder of a bag that was recorded under a file's name."""
     return name.removesuffix(".bag") if not Path(name).exists() else name
 
 
@@ -165,7 +165,7 @@ def _print_text(text: str) -> Command:
 
 
 def _create_package(words: list[str]) -> int:
-    """Make a folder with a package.xml, as catkin_create_pkg does."""
+    """Create a folder with a package.xml, as catkin_create_pkg does."""
     names = [each for each in words if not each.startswith("-")]
     if not names or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", names[0]):
         raise BadInput("catkin_create_pkg NAME [DEPENDENCY]... makes the folder of a package")
@@ -204,4 +204,4 @@ COMMANDS: dict[str, Command] = {
     "catkin_init_workspace": _print_text(NOTHING_TO_BUILD),
     "catkin_create_pkg": _create_package,
 }
-"""The commands by their names; all others that begin with ``rqt`` open the panel."""
+"""The commands by name; others that begin with ``rqt`` open the panel."""

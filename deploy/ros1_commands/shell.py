@@ -1,4 +1,4 @@
-"""The shell code that puts the commands of ROS 1 on the PATH of a shell."""
+"""The shell code that adds the commands of ROS 1 to a shell's PATH."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ rosls() { _elea_folder "$1" && shift && ls "$@" "$_elea_found"; }
 
 
 def shell_code(here: Path, environment: Mapping[str, str] | None = None) -> str:
-    """Shell code for ``eval`` in bash, zsh or sh: commands, variables and ``roscd`` until the shell exits.
+    """Return shell code for ``eval`` in bash, zsh or sh: commands, variables and ``roscd`` until the shell exits.
 
-    ``here`` is the current folder: the workspace around it is found from everywhere then, as after sourcing its setup.
+    ``here`` is the current folder; the workspace around it is then found from everywhere, as after sourcing its setup.
     """
     environment = os.environ if environment is None else environment
     path = [each for each in environment.get("PATH", "").split(os.pathsep) if each and each != str(BIN)]

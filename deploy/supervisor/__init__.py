@@ -1,1 +1,3 @@
-"""The supervisor: starts the processes of a fleet in order, watches over them, and ends them without a trace."""
+"""The supervisor: starts the processes of a fleet in order, monitors them, and stops them without
+leaving any behind.
+"""

@@ -1,4 +1,4 @@
-"""Decides when a process counts as hung: the deadline of its next heartbeat, extended by its waits for a CPU."""
+"""Decides when a process counts as hung: its heartbeat deadline, extended by the time it waited for a CPU."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import NamedTuple
 from services.runtime.heartbeat import PERIOD_S
 
 _RUNNABLE_STATES = "RD"
-"""States of a thread that would go on if the machine let it: it runs or waits for a processor, or for the disk."""
+"""States of a thread that wants to run: running, waiting for a CPU, or waiting for the disk."""
 
 
 class ThreadTimes(NamedTuple):
-    """The kernel's counts of a thread: time [ns] on a CPU and waiting for one, and whether it is runnable.
+    """The kernel's counters of a thread: time [ns] on a CPU and waiting for one, and whether it is runnable.
 
-    A wait is counted when it ends. A lasting one shows as a runnable thread that does not run.
+    A wait is counted only when it ends; one in progress shows as a runnable thread that does not run.
     """
 
     ran: int
@@ -25,14 +25,14 @@ class ThreadTimes(NamedTuple):
 
 
 Threads = Mapping[int, ThreadTimes]
-"""The threads of a process by their ids; empty if the kernel does not report them."""
+"""The threads of a process by id; empty if the kernel does not report them."""
 
 
 def cpu_wait(before: Threads, after: Threads, elapsed: float) -> float:
-    """The part [s] of the time ``elapsed`` [s] between two looks in which a thread of a process waited for a CPU.
+    """Return how long [s] a thread of a process waited for a CPU in the ``elapsed`` [s] between two samples.
 
-    The threads of a service need each other, so the one that waited longest counts. A thread that sleeps, waits for a
-    lock, or runs is not held up.
+    The threads of a service depend on each other, so the longest wait counts. A thread that sleeps, waits for a lock,
+    or runs is not held up.
     """
     longest = 0.0
     for number, now in after.items():
@@ -46,14 +46,16 @@ def cpu_wait(before: Threads, after: Threads, elapsed: float) -> float:
 
 
 class CpuWaitMeter:
-    """Looks at some processes that belong together again and again."""
+    """Samples the CPU waits of related processes repeatedly."""
 
     def __init__(self, *pids: int) -> None:
         self._pids = pids
         self._last: tuple[float, list[Threads]] | None = None
 
     def measure(self, now: float) -> float:
-        """For how long [s] any of them was held up since the last look at time ``now`` [s]; 0 at the first."""
+        """Return the longest time [s] one of them waited for a CPU between the last sample and
+        ``now`` [s]; 0 at first.
+        """
         seen = [read_threads(each) for each in self._pids]
         last, self._last = self._last, (now, seen)
         if last is None:
@@ -61,14 +63,14 @@ class CpuWaitMeter:
         return max(cpu_wait(before, after, now - last[0]) for before, after in zip(last[1], seen, strict=True))
 
     def reset(self) -> None:
-        """The next look is the first again."""
+        """Discard the last sample; the next one is the first."""
         self._last = None
 
 
 def read_threads(pid: int) -> Threads:
-    """The current threads of a process; empty if it has ended, or the kernel does not report them (see ``proc(5)``).
+    """Return the current threads of a process; empty if it has ended, or the kernel does not report them (``proc(5)``).
 
-    The calling thread always appears as running; its waits have ended and are counted.
+    The calling thread is never reported as runnable: it is running, and its waits have ended and are counted.
     """
     folder, mine = f"/proc/{pid}/task", threading.get_native_id()
     try:
@@ -93,53 +95,53 @@ def _read(path: str) -> str:
 
 MISSED_HEARTBEATS = 3
 HEARTBEAT_TIMEOUT_S = MISSED_HEARTBEATS * PERIOD_S
-"""Wall time without a heartbeat after which a process hangs."""
+"""Wall time without a heartbeat after which a process counts as hung."""
 
 STARTUP_TIMEOUT_S = 20.0
-"""Wall time that a process has for its first heartbeat: imports, models and links, on a busy machine."""
+"""Wall time that a process has until its first heartbeat: imports, models and links, on a busy machine."""
 
 CPU_WAIT_CHECK_S = HEARTBEAT_TIMEOUT_S / 2
-"""Wall time before that limit from which on it is looked at why no heartbeat comes."""
+"""Wall time before that deadline at which CPU waits start to be sampled."""
 
 RECOVERY_S = 3.0
-"""Wall time in which heartbeats must come again after what carries them was down."""
+"""Wall time within which heartbeats must resume after the process or link that carries them was down."""
 
 
 class HeartbeatMonitor:
-    """One life's heartbeats, on a clock that the caller reads [s]."""
+    """The heartbeats of one run of a process, on a clock [s] that the caller reads."""
 
     def __init__(self, now: float, grace: float = STARTUP_TIMEOUT_S) -> None:
         self.received = False
         self.cpu_wait_s = 0.0
-        """Time [s] of the present silence in which it could not beat, as far as it was looked at."""
+        """Time [s] of the present silence in which it waited for a CPU, as far as that was sampled."""
         self._last, self._deadline = now, now + grace
 
     def on_heartbeat(self, now: float) -> None:
-        """A heartbeat has come."""
+        """Record a heartbeat."""
         self.received, self.cpu_wait_s = True, 0.0
         self._last, self._deadline = now, now + HEARTBEAT_TIMEOUT_S
 
     def extend_to(self, now: float, seconds: float = RECOVERY_S) -> None:
-        """Silence is not its fault at present: it has ``seconds`` from now."""
+        """Extend the deadline to at least ``seconds`` from now, since the silence is not the process's fault."""
         self._deadline = max(self._deadline, now + seconds)
 
     def extend_by(self, seconds: float) -> None:
-        """For ``seconds`` it could not beat, whatever it did: they do not count."""
+        """Extend the deadline by ``seconds`` in which the process could not publish a heartbeat."""
         self.cpu_wait_s += seconds
         self._deadline += seconds
 
     def is_late(self, now: float) -> bool:
-        """Whether it is time to look for the reason of its silence."""
+        """Return whether the silence is long enough to start sampling CPU waits."""
         return now > self._deadline - self.cpu_wait_s - CPU_WAIT_CHECK_S
 
     def is_healthy(self, now: float) -> bool:
-        """Whether it beats, at most one beat late."""
+        """Return whether heartbeats arrive, at most one period late."""
         return self.received and now - self._last < 2 * PERIOD_S
 
     def is_hung(self, now: float) -> bool:
-        """Whether the next heartbeat is overdue."""
+        """Return whether the deadline of the next heartbeat has passed."""
         return now > self._deadline
 
     def silence(self, now: float) -> float:
-        """Time since the last heartbeat, or since the start [s]."""
+        """Return the time [s] since the last heartbeat, or since the start."""
         return now - self._last

@@ -1,4 +1,4 @@
-"""The log of a process: a file of bounded size, whose failures never block or end the process."""
+"""The log of a process: a file of bounded size; failing writes never block or end the process."""
 
 from __future__ import annotations
 
@@ -9,28 +9,29 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 MAX_LOG_BYTES = 8 << 20
-"""Bytes of a log file; it is then renamed to ``.1`` in place of an older one, and a new one begun."""
+"""Maximum size of a log file [bytes]; beyond it, the file is renamed to ``.1``, replacing an older one."""
 
 MAX_LINE_LENGTH = 500
-"""Characters of a process's last words."""
+"""Maximum length of the last line of a process's log, as reported."""
 
 MAX_QUEUED_CHUNKS = 64
-"""Chunks of at most 64 KiB that wait for a disk which does not answer, as a network drive may; what a process writes
-beyond them is dropped, and the lines are counted."""
+"""Maximum number of queued chunks of at most 64 KiB when the disk does not respond, e.g. a network drive; further
+output is dropped, and its lines are counted.
+"""
 WRITE_TIMEOUT_S = 1.0
-"""Wall time that a process waits for the disk before its lines are dropped: a burst loses none on a disk that works."""
+"""Wall time to wait for the disk before lines are dropped: no burst is lost on a disk that works."""
 
 MAX_SHOWN_LINES = 100
-"""Lines of one chunk that are shown on the screen: a process that prints megabytes does not bury it."""
+"""Maximum number of lines of one chunk shown on the screen: a process that prints megabytes does not flood it."""
 
 _CHUNK = 1 << 16
 _TRACEBACK = "Traceback (most recent call last):"
 NOTE = "--- "
-"""How a line of the supervisor's own begins."""
+"""Prefix of the supervisor's own lines."""
 
 
 def log_name(process: str) -> str:
-    """The file name of a process's log: ``tb3_0/waypoint`` logs to ``tb3_0.waypoint.log``."""
+    """Return the file name of a process's log: ``tb3_0/waypoint`` logs to ``tb3_0.waypoint.log``."""
     return f"{process.replace('/', '.')}.log"
 
 
@@ -41,10 +42,10 @@ ShowLine = Callable[[str], None]
 def start_log_writer(
     pipe: int, path: Path, largest: int = MAX_LOG_BYTES, show: ShowLine | None = None
 ) -> threading.Thread:
-    """Read the file descriptor ``pipe`` to its end and close it; the thread that returns ends with the last write.
+    """Log the file descriptor ``pipe`` to its end and close it; return a thread that ends with the last write.
 
-    With ``show``, lines are also shown, at most MAX_SHOWN_LINES of a chunk. One thread reads and one writes: a disk
-    that hangs does not fill the pipe, on which the process would wait.
+    With ``show``, lines are also shown, at most MAX_SHOWN_LINES of a chunk. One thread reads and another writes: a disk
+    that hangs does not fill the pipe, which would block the process.
     """
     waiting: queue.Queue[bytes | None] = queue.Queue(MAX_QUEUED_CHUNKS)
     writer = threading.Thread(target=_write, args=(waiting, path, largest, show), name=f"log {path.name}", daemon=True)
@@ -54,7 +55,7 @@ def start_log_writer(
 
 
 def append_note(path: Path, text: str) -> None:
-    """Append a line of the supervisor's own; a disk that refuses it is not worth a fleet."""
+    """Append a line of the supervisor; a disk that refuses it must not end the fleet."""
     try:
         _append(path, f"{NOTE}{text}\n".encode())
     except OSError:
@@ -62,9 +63,9 @@ def append_note(path: Path, text: str) -> None:
 
 
 def last_line(path: Path) -> str:
-    """What the process itself has said last, at most MAX_LINE_LENGTH characters; empty when there is nothing.
+    """Return the process's last message, at most MAX_LINE_LENGTH characters; empty if it wrote nothing.
 
-    That is its last line, or the error that ended it, where its hooks have printed something after the traceback.
+    That is its last line, or the error that ended it, even if its exit hooks printed something after the traceback.
     """
     try:
         with path.open("rb") as file:
@@ -81,7 +82,7 @@ def last_line(path: Path) -> str:
 
 
 def _error(lines: Sequence[str]) -> str:
-    """The error of the last traceback of a main program; those of its callbacks and threads end no process."""
+    """Return the error of the last traceback of a main program; tracebacks of callbacks and threads end no process."""
     begun = (at for at in range(len(lines) - 2, -1, -1) if lines[at] == _TRACEBACK)
     at = next((at for at in begun if lines[at + 1].endswith(", in <module>")), None)
     return "" if at is None else next((line.strip() for line in lines[at + 1 :] if line[:1].strip()), "")
@@ -108,7 +109,7 @@ def _dropped(lines: int) -> bytes:
 
 
 def _write(waiting: queue.Queue[bytes | None], path: Path, largest: int, show: ShowLine | None) -> None:
-    """Write, or drop the chunk when the disk is full or gone: the process must go on."""
+    """Write the chunks; drop one if the disk is full or gone, since the process must go on."""
     begun = b""
     while (chunk := waiting.get()) is not None:
         if show is not None:
@@ -122,7 +123,7 @@ def _write(waiting: queue.Queue[bytes | None], path: Path, largest: int, show: S
 
 
 def _show(chunk: bytes, show: ShowLine) -> bytes:
-    """Show the complete lines of a chunk; returns what is left."""
+    """Show the complete lines of a chunk; return the incomplete rest."""
     *lines, begun = chunk.split(b"\n")
     for line in lines[:MAX_SHOWN_LINES]:
         show(line.decode(errors="replace"))
@@ -132,7 +133,7 @@ def _show(chunk: bytes, show: ShowLine) -> bytes:
 
 
 def _append(path: Path, chunk: bytes) -> None:
-    """Append to a log, which is never a link: others may be able to write in the folder of the results."""
+    """Append to a log; never follow a link, since other users may be able to write in the folder of the results."""
     descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     with os.fdopen(descriptor, "ab", buffering=0) as file:
         file.write(chunk)

@@ -1,4 +1,4 @@
-"""The life of a process under supervision: wait, start, watch, restart by policy, stop."""
+"""The life cycle of a supervised process: wait, start, monitor, restart by policy, stop."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ from services.runtime.errors import TRY_AGAIN, BadInput
 ProcessStateName = Literal["waiting", "starting", "ready", "backing off", "stopping", "stopped", "finished", "failed"]
 
 STOP_TIMEOUTS_S = (5.0, 3.0)
-"""Wall time that a process has to end after SIGINT, then after SIGTERM; SIGKILL follows."""
+"""Wall time to wait for the exit after SIGINT, then after SIGTERM; SIGKILL follows."""
 
 KILL_TIMEOUT_S = 2.0
-"""Wall time in which the end after SIGKILL must be seen: a process that hangs in the kernel, as on a dead NFS server,
-is left to it, and the end of the fleet does not wait."""
+"""Wall time to wait for the exit after SIGKILL: a process that hangs in the kernel, e.g. on a dead NFS server, is left
+behind, and the fleet's end does not wait for it.
+"""
 
 ENDING_S = 2.0
-"""Wall time that a process has to end by itself when it is asked to end and all its nodes have ended already."""
+"""Wall time that a process whose nodes have all ended has to exit by itself before it is signalled."""
 
 TaskFunction = Callable[[], Coroutine[Any, Any, None]]
 StartTask = Callable[[TaskFunction, str], asyncio.Task[None]]
-"""Starts a task by name among those of the supervisor."""
+"""Starts a named task among those of the supervisor."""
 
 _NOT_STARTED = 127
 _REPORTED_CPU_WAIT_S = 0.1
@@ -41,10 +42,10 @@ _ERROR_STATUSES = (1, BAD_INPUT, TRY_AGAIN)
 
 
 class ManagedProcess:
-    """One process of a fleet. ``changed`` is called with it at each change of state.
+    """One process of a fleet; ``changed`` is called with it at each change of state.
 
-    It is ready when all its nodes beat, and hangs when one of them does no more. ``failed_on_stop``: it was well when
-    it was asked to end, and then ended with an error.
+    It is ready when all its nodes have published a heartbeat, and hung when one of them stops doing so.
+    ``failed_on_stop``: it was ready when asked to stop, and then exited with an error.
     """
 
     def __init__(
@@ -61,17 +62,17 @@ class ManagedProcess:
         self.restarts: list[float] = []
         self.failed_on_stop = False
         self.losses: list[str] = []
-        """How it ended when it should not have, each time."""
+        """The reason of each abnormal end."""
         self.failed = False
-        """Whether it ended with an error by itself; one that hung at its end had finished before."""
+        """Whether it exited with an error by itself; being killed for a hang does not count."""
         self._reason = ""
         self._spawner, self._changed, self._rng, self._grace = spawner, changed, rng, grace
         self._dependencies: Sequence[ManagedProcess] = ()
         self._child: ChildProcess | None = None
         self._heartbeats: dict[str, HeartbeatMonitor] = {}
-        """By node; one that has ended before its process has none."""
+        """By node; a node that has ended before its process is removed."""
         self._beats: dict[str, Health] = {}
-        """The last of each node."""
+        """The last heartbeat of each node."""
         self._cpu_wait = CpuWaitMeter()
         self._hang_reason = ""
         self._task: asyncio.Task[None] | None = None
@@ -79,25 +80,26 @@ class ManagedProcess:
 
     @property
     def is_running(self) -> bool:
-        """Whether it was started and has not come to its end since."""
+        """Whether it was started and has not finished, failed or been stopped since."""
         return self._task is not None and not self._task.done()
 
     @property
     def note(self) -> str:
-        """The note of its nodes' last heartbeats, the first that has one."""
+        """The first note in its nodes' last heartbeats."""
         noted = ((name, beat.note) for name, beat in self._beats.items() if beat.note)
         name, note = next(noted, ("", ""))
         return f"{name}: {note}" if note and len(self.spec.nodes) > 1 else note
 
     @property
     def activity(self) -> str:
-        """The state in its nodes' last heartbeats: that of the first which does not run, if there is one."""
+        """The state in its nodes' last heartbeats: the first that is not "running", if any."""
         states = [beat.state for beat in self._beats.values()]
         return next((each for each in states if each != "running"), states[0] if states else "")
 
     def start(self, spawn: StartTask, needs: Sequence[ManagedProcess]) -> None:
-        """Live, from now on; ``needs`` are those that must be ready first. Raises BadInput when it lives already: a
-        second life would be a second process of the name.
+        """Start it as soon as all processes in ``needs`` are ready.
+
+        Raises BadInput if it is already running: there would be two processes of this name.
         """
         if self.is_running:
             raise BadInput(f"{self.spec.name} is already running ({self.state})")
@@ -106,10 +108,10 @@ class ManagedProcess:
         self._task = spawn(self._run, self.spec.name)
 
     def on_heartbeat(self, beat: Health, now: float) -> None:
-        """A heartbeat of the node has come; one of an earlier life does not count."""
+        """Record a heartbeat of a node; one from an earlier run of the process is ignored."""
         if self._child is None or beat.pid != self._child.pid or self.state not in ("starting", "ready"):
             return
-        if beat.state == "stopping":  # the others of its process go on
+        if beat.state == "stopping":  # the other nodes of its process go on
             self._heartbeats.pop(beat.node, None)
         elif beat.node in self._heartbeats:
             self._heartbeats[beat.node].on_heartbeat(now)
@@ -119,11 +121,12 @@ class ManagedProcess:
             self._set_state("ready")
 
     def check_heartbeat(self, now: float, late: bool, starting: bool = False) -> None:
-        """Kill the process if it hangs, but not while the supervisor itself is ``late``, or while a process that it
-        depends on is down: its heartbeats may not get through then. Time in which it, or the supervisor, waits for a
-        CPU does not count: a restarted process would wait as well. While the fleet is ``starting``, what its processes
-        declare and ask each other may hold one up for longer than a heartbeat: it may be silent for as long as before
-        its first one.
+        """Kill the process if it hangs.
+
+        It is excused while the supervisor itself is ``late``, and while a process that it depends on is down, since its
+        heartbeats may not get through then. Time in which it, or the supervisor, waits for a CPU does not count: a
+        restarted process would wait as well. While the fleet is ``starting``, declarations and queries between its
+        processes may delay a heartbeat, so the start-up timeout applies to each of them.
         """
         if self._child is None or self.state not in ("starting", "ready"):
             return
@@ -147,24 +150,24 @@ class ManagedProcess:
             self._child.signal(signal.SIGKILL)
 
     def starved_for(self, now: float) -> float:
-        """For how long [s] it has been silent because the machine is busy; 0 when it beats in time."""
+        """Return how long [s] it has been silent because the machine is busy; 0 if its heartbeats are on time."""
         starved = [each for each in self._heartbeats.values() if each.cpu_wait_s > _REPORTED_CPU_WAIT_S]
         silent = max((each.silence(now) for each in starved), default=0.0)
         return silent if self.state == "ready" and silent > HEARTBEAT_TIMEOUT_S else 0.0
 
     def is_healthy(self, now: float) -> bool:
-        """Whether it runs and beats."""
+        """Return whether it is ready and all its nodes publish heartbeats."""
         return self.state == "ready" and all(each.is_healthy(now) for each in self._heartbeats.values())
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill its process group."""
         if self._child is not None:
             self._child.signal(signal.SIGKILL)
 
     async def stop(self, stop_timeouts: Sequence[float] = STOP_TIMEOUTS_S) -> None:
-        """End it by SIGINT, SIGTERM and SIGKILL in turn, and keep it ended.
+        """Stop it by SIGINT, SIGTERM and SIGKILL in turn, and do not restart it.
 
-        One whose nodes have all ended is about to end by itself: how it does counts as if nobody had asked it to.
+        A process whose nodes have all ended is about to exit: its exit counts as if it had not been asked to stop.
         """
         async with self._stop_lock:
             if self._task is not None:
@@ -183,7 +186,7 @@ class ManagedProcess:
                 self._set_state("stopping")
                 for number, seconds in zip((signal.SIGINT, signal.SIGTERM), stop_timeouts, strict=True):
                     child.signal(number)
-                    child.signal(signal.SIGCONT)  # one that was stopped takes the other signal only when it goes on
+                    child.signal(signal.SIGCONT)  # a stopped process handles the other signal only once it continues
                     if await child.wait_for(seconds):
                         break
                 else:
@@ -197,11 +200,13 @@ class ManagedProcess:
                 self._set_state("stopped")
 
     async def _ends_by_itself(self, child: ChildProcess) -> bool:
-        """Whether a process that nobody has asked to end has ended, or does so in ENDING_S as its nodes have."""
+        """Return whether a process has exited unasked, or does so within ENDING_S of the end of all its nodes."""
         return child.status is not None or (not self._heartbeats and await child.wait_for(ENDING_S))
 
     def _note_end(self, status: int) -> tuple[str, str]:
-        """Note how the process has ended by itself, or for its silence; returns that, and the last line of its log."""
+        """Record an unrequested end, by exit or for its silence; return its description and the
+        last line of the log.
+        """
         how = self._hang_reason or describe_exit(status)
         last = last_line(self._spawner.log_path(self.spec.name))
         self.failed = self.failed or (status != 0 and not self._hang_reason)
@@ -210,7 +215,7 @@ class ManagedProcess:
         return how, last
 
     def state_message(self) -> ProcessState:
-        """The state as it is published."""
+        """Return its state as published."""
         child = self._child
         alive = child is not None and child.status is None
         return ProcessState(
@@ -242,9 +247,9 @@ class ManagedProcess:
                     self._set_state("waiting")
 
     async def _run_once(self) -> int:
-        """Start the process and wait for its end; its exit status."""
+        """Start the process and wait for its end; return its exit status."""
         log = self._spawner.log_path(self.spec.name)
-        if self._child is not None and self._child.status is None:  # one that was left behind, as after KILLED_S
+        if self._child is not None and self._child.status is None:  # one that was left behind after KILL_TIMEOUT_S
             self._child.signal(signal.SIGKILL)
             await self._child.wait()
         self._hang_reason, self._child = "", None

@@ -1,4 +1,4 @@
-"""The supervisor as a node: heartbeats, requests, and what the services report of the run."""
+"""The supervisor's node: heartbeats, requests, and the services' reports about the run."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 
 END_MARGIN_S = 1.0
-"""Simulation time before the end of a run in which the making of a change may go unseen."""
+"""Simulation time before the end of a run in which a scheduled change may happen without being reported."""
 
 
 class RunMonitor:
-    """Collects the state of scheduled changes. One reported as not made stays so until a reset."""
+    """Collects the outcome of scheduled changes. One reported as not made stays so until a reset."""
 
     def __init__(self) -> None:
         self._epoch = 0
@@ -48,12 +48,12 @@ class RunMonitor:
                 self._changes[each.number] = each
 
     def on_sim_status(self, publisher: bytes, status: SimStatus) -> None:
-        """Add a report of a simulation; that of a restarted one counts in addition."""
+        """Add a report of a simulation; after a restart, the earlier reports still count."""
         self._statuses[publisher] = status
 
     @property
     def absent_nodes(self) -> tuple[str, ...]:
-        """The nodes that were not ready when time began."""
+        """The nodes that were not ready when simulation time began."""
         return tuple(sorted({name for status in self._statuses.values() for name in status.absent}))
 
     @property
@@ -62,11 +62,11 @@ class RunMonitor:
         return sum(status.lag for status in self._statuses.values())
 
     def change_figures(self, scheduled: Sequence[ChangeConfig], end_s: float) -> tuple[ChangeFigures, ...]:
-        """The outcome of the fleet's scheduled changes in a run that ended at ``end_s`` of simulation time."""
+        """Return the outcome of the scheduled changes in a run that ended at ``end_s`` of simulation time."""
         return tuple(self._figures(*each, end_s) for each in enumerate(_in_order(scheduled)))
 
     def new_problems(self, scheduled: Sequence[ChangeConfig]) -> Iterator[str]:
-        """One line for each thing that went wrong since the last call."""
+        """Return a line for each problem since the last call."""
         lines = [f"time began without {', '.join(self.absent_nodes)}: see ./elea logs"] if self.absent_nodes else []
         for number, change in enumerate(_in_order(scheduled)):
             report = self._changes.get(number)
@@ -95,25 +95,25 @@ class RunMonitor:
 
 
 def _in_order(scheduled: Sequence[ChangeConfig]) -> list[ChangeConfig]:
-    """As the parameter service counts them."""
+    """Return the changes in the order in which the parameter service numbers them."""
     return sorted(scheduled, key=lambda each: each.at)
 
 
 ROUTER_TIMEOUT_S = 1.0
-"""Wall time that the router has to answer."""
+"""Wall time to wait for the router's answer."""
 RECENT_S = 2.5
-"""Wall time for which its answer, or a flood, counts."""
+"""Wall time for which an answer of the router, or a flood, counts as recent."""
 
 _REQUESTS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
 
 _DRAIN_TIMEOUT_S = 0.5
-"""Wall time [s] in which messages of ended processes must have arrived."""
+"""Wall time [s] to wait for the last messages of ended processes."""
 
 _MAX_UNKNOWN_NODES = 16
 
 
 class SupervisorNode:
-    """The bus on a node."""
+    """Implements FleetBus on a node."""
 
     def __init__(self, node: Node, sets: Iterable[str] = (), members: Iterable[str] = ()) -> None:
         self._node, self._members = node, frozenset(members)
@@ -157,7 +157,7 @@ class SupervisorNode:
         return time.monotonic() - self._answered < RECENT_S
 
     def parameters(self) -> Mapping[str, ParameterValues]:
-        """The values of each parameter set that were received."""
+        """Return the last received values of each parameter set."""
         for name, updates in self._sets.items():
             updates.update()
             for values, _ in updates.messages:
@@ -165,7 +165,7 @@ class SupervisorNode:
         return self._parameters
 
     def run_monitor(self) -> RunMonitor:
-        """The reports of simulation and parameter service about the run."""
+        """Return the reports of the simulation and the parameter service about the run."""
         self._schedule.update()
         for changes, _ in self._schedule.messages:
             self._conduct.on_scheduled_changes(changes)
@@ -175,7 +175,7 @@ class SupervisorNode:
         return self._conduct
 
     def checks(self) -> Mapping[str, tuple[Check, ...]]:
-        """The last checks that the fleet's nodes have stated, by node."""
+        """Return the last checks that the fleet's nodes have published, by node."""
         self._checks.update()
         for report, _ in self._checks.messages:
             if report.node in self._members:
@@ -186,11 +186,13 @@ class SupervisorNode:
 
     @property
     def unknown_nodes(self) -> frozenset[str]:
-        """Nodes that have stated checks and are no process of the fleet."""
+        """Nodes that have published checks but belong to no process of the fleet."""
         return frozenset(self._strangers)
 
     def drain(self) -> None:
-        """Wait for what those that have just ended said last: their tokens go behind it, on the same links."""
+        """Wait for the last messages of nodes that have just ended: their tokens vanish after them,
+        on the same links.
+        """
         deadline, own = time.monotonic() + _DRAIN_TIMEOUT_S, self._node.identity.node
         while time.monotonic() < deadline:
             found = map(Entity.parse, self._node.transport.tokens(token_pattern("pub", name=CHECKS.name), 0.1))
@@ -215,8 +217,9 @@ class SupervisorNode:
 def supervisor_node(
     router: str, domain: str = "", sets: Iterable[str] = (), members: Iterable[str] = ()
 ) -> Iterator[SupervisorNode]:
-    """The bus at the endpoint ``router``, which the supervisor starts. It subscribes to these parameter sets, and to
-    the checks of these nodes.
+    """Open the supervisor's node at the endpoint ``router``, which the supervisor starts.
+
+    It subscribes to the parameter sets ``sets`` and to the checks of the nodes ``members``.
     """
     identity = Identity.of("supervisor")
     with (

@@ -1,7 +1,7 @@
-"""The reaper outlives its supervisor by a moment: it kills the process groups that a dead supervisor left behind.
+"""The reaper outlives its supervisor briefly: it kills the process groups that a dead supervisor left behind.
 
-PR_SET_PDEATHSIG reaches the children of a supervisor that was killed, but not their children; the end of this pipe does
-reach us, however the supervisor died. Run as a script: it must start fast and needs nothing of the project.
+PR_SET_PDEATHSIG reaches the children of a killed supervisor, but not their children; the end of this pipe reaches this
+process however the supervisor died. It is run as a script: it must start fast and imports nothing of the project.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from contextlib import suppress
 
 
 def read_orders(orders: Iterable[str]) -> set[int]:
-    """Follow ``+GROUP`` and ``-GROUP`` until they end; the groups that are left."""
+    """Follow ``+GROUP`` and ``-GROUP`` lines to the end of the input; return the groups that are left."""
     groups: set[int] = set()
     for line in orders:
         sign, group = line[0], int(line[1:])
@@ -32,15 +32,15 @@ class Reaper:
         )
 
     def watch(self, group: int) -> None:
-        """Kill this group when the supervisor is gone."""
+        """Have this process group killed when the supervisor is gone."""
         self._send(f"+{group}\n")
 
     def forget(self, group: int) -> None:
-        """The group is gone; its number may be another's soon."""
+        """Remove a process group that has ended; its number may soon be reused."""
         self._send(f"-{group}\n")
 
     def close(self) -> None:
-        """Let the reaper end."""
+        """Close the pipe, so that the reaper ends."""
         assert self._process.stdin is not None
         with suppress(BrokenPipeError):
             self._process.stdin.close()

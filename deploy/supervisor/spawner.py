@@ -1,4 +1,4 @@
-"""One started process with its group: its log, its signals, its end."""
+"""Starts a process in its own group; its log, signals and exit."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from deploy.supervisor.reaper import Reaper
 from services.runtime.process import PARENT, ROOT
 
 _LOG_TIMEOUT_S = 0.5
-"""Wall time in which the log of a process that has ended must be complete."""
+"""Wall time to wait for the rest of the log of a process that has ended."""
 
 
 class ChildProcess:
-    """A running process; its starter awaits ``ended``, which also ends the rest of its process group."""
+    """A running process; its starter awaits ``wait``, which also kills the rest of its process group."""
 
     def __init__(self, popen: subprocess.Popen[bytes], reaper: Reaper, log: threading.Thread) -> None:
         self.pid = popen.pid
@@ -30,12 +30,12 @@ class ChildProcess:
         reaper.watch(self.pid)
 
     def signal(self, number: signal.Signals) -> None:
-        """Send a signal to the whole group, as long as it exists."""
+        """Send a signal to the whole group while it exists."""
         if self.status is None:
             os.killpg(self.pid, number)
 
     async def wait(self) -> int:
-        """Wait for the end; the exit status, negative for a signal."""
+        """Wait for the exit; return its status, negative for a signal."""
         if self.status is None:
             await _wait_for_exit(self.pid)
             os.killpg(self.pid, signal.SIGKILL)
@@ -45,7 +45,7 @@ class ChildProcess:
         return self.status
 
     async def wait_for(self, seconds: float) -> bool:
-        """Wait for the end, at most ``seconds``; whether it came."""
+        """Wait at most ``seconds`` for the exit; return whether it came."""
         try:
             await asyncio.wait_for(self.wait(), seconds)
         except TimeoutError:
@@ -60,7 +60,7 @@ class ChildProcess:
 
 
 class Spawner:
-    """The environment of child processes: the run's folder with the logs, and their environment variables."""
+    """Starts child processes with the run's folder, their logs and their environment variables."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class Spawner:
         }
 
     def log_path(self, name: str) -> Path:
-        """The log file of a process."""
+        """Return the path of a process's log file."""
         return self.logs / log_name(name)
 
     def spawn(
@@ -93,9 +93,19 @@ class Spawner:
         cwd: str = "",
         screen: bool = False,
     ) -> ChildProcess:
-        """Start a process in a session and group of its own; raises OSError. Call it from the main thread: the kernel
-        binds PR_SET_PDEATHSIG to the thread that forks. ``environment`` adds variables; ``cwd`` is the run's folder
-        unless stated. With ``screen`` its lines are shown, too.
+        """Start a process in a session and group of its own.
+
+        Call this from the main thread: the kernel binds PR_SET_PDEATHSIG to the thread that forks.
+
+        Args:
+            name: Of the process and its log.
+            argv: The command line.
+            environment: Additional variables.
+            cwd: The working directory; the run's folder if empty.
+            screen: Whether to show its lines, too.
+
+        Raises:
+            OSError: The process cannot be started.
         """
         out, into = os.pipe()
         try:
@@ -123,7 +133,7 @@ def _show_of(name: str, show: ShowLine, line: str) -> None:
 
 
 async def _wait_for_exit(pid: int) -> None:
-    """Wait until a child has ended, without reaping it: until then its number, and its group's, is its own."""
+    """Wait until a child has exited, without reaping it: until then its process and group ids are not reused."""
     loop = asyncio.get_running_loop()
     gone = asyncio.Event()
     descriptor = os.pidfd_open(pid)

@@ -1,4 +1,4 @@
-"""A fleet under supervision, from its first process to the end of its last."""
+"""Supervises a fleet from the start of its first process to the end of its last."""
 
 from __future__ import annotations
 
@@ -24,47 +24,49 @@ from services.runtime.errors import BadInput, unknown_name
 ProcessAction = Literal["start", "stop", "restart"]
 
 ActionHandler = Callable[[ProcessAction, str], str]
-"""Takes an order for a process by name and says what will be done; raises BadInput to refuse."""
+"""Takes an action on a process by name; returns what will be done, or raises BadInput to refuse."""
 
 
 class FleetBus(Protocol):
-    """The network as the supervisor needs it. No method blocks."""
+    """The supervisor's network interface. No method blocks."""
 
     def heartbeats(self) -> Sequence[Health]:
-        """The heartbeats that have come since the last call."""
+        """Return the heartbeats received since the last call."""
         ...
 
     @property
     def flooded(self) -> bool:
-        """Whether so much comes where heartbeats come that true ones are overwritten before they are read."""
+        """Whether so many messages arrive on the heartbeats' topic that real ones are overwritten
+        before they are read.
+        """
         ...
 
     def router_answers(self) -> bool:
-        """Whether the router answered in the last seconds; to be called repeatedly."""
+        """Return whether the router answered in the last few seconds; to be called repeatedly."""
         ...
 
     def publish(self, state: FleetState) -> None:
-        """Publish the state of the fleet; late subscribers get the last one."""
+        """Publish the state of the fleet, latched for late subscribers."""
         ...
 
     def answer_requests(self, handle_action: ActionHandler) -> bool:
-        """Answer some of the orders that wait; whether more do."""
+        """Answer the pending requests."""
         ...
 
 
 POLL_PERIOD_S = 0.1
-"""Wall time between two looks at heartbeats and orders."""
+"""Wall time between two checks of heartbeats and requests."""
 BUSY_POLL_PERIOD_S = 0.02
 """The same while orders wait, and while a process starts: others wait until its first heartbeat is seen, and the start
 is a chain of such."""
 
 LATE_POLL_S = 0.5
-"""Delay [s] of a turn after which silence of the processes does not count: the supervisor itself did not run."""
+"""Delay [s] of a check beyond which the processes' silence does not count: the supervisor itself did not run."""
 
 _PARTICIPLES: dict[ProcessAction, str] = {"stop": "stopped", "restart": "restarted"}
 
 _MAX_LISTED = 8
-"""Nodes of a process that are named at most."""
+"""Maximum number of nodes of a process that are listed."""
 
 RunEnd = Literal["graded", "finished", "failed", "interrupted"]
 
@@ -72,10 +74,10 @@ RunEnd = Literal["graded", "finished", "failed", "interrupted"]
 class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     """How a run ended: its grader finished, a required script finished or process failed, or it was interrupted.
 
-    ``wall_seconds`` counts from the moment when simulation time could begin, from the start if that never came.
-    ``failed_on_stop`` are the services that ended with an error when they were asked to end. ``containers_lost`` says
-    of each process of several nodes that ended when it should not have why it did, and which nodes it had;
-    ``failed_nodes`` are the nodes of all processes that did.
+    ``wall_seconds`` counts from the moment when simulation time could begin, or from the start if that never came.
+    ``failed_on_stop`` are the services that exited with an error when they were asked to stop. ``containers_lost``
+    describes each abnormal end of a process with several nodes: the reason, and its nodes. ``failed_nodes`` are the
+    nodes of all processes that exited with an error by themselves.
     """
 
     ended: RunEnd
@@ -88,18 +90,18 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SupervisorObserver(Protocol):
-    """An observer of the fleet's state; called from the supervisor's loop, with every change."""
+    """An observer of the fleet's state; called from the supervisor's loop at every change."""
 
     def on_state_change(self, life: ManagedProcess, fleet: FleetState) -> None:
-        """A process has changed its state."""
+        """Handle a process's change of state."""
         ...
 
     def on_note(self, text: str) -> None:
-        """Something hinders the supervision of all processes, or does no more."""
+        """Handle the start or end of a problem that affects the supervision of all processes."""
         ...
 
     def on_poll(self, lives: Sequence[ManagedProcess]) -> None:
-        """Another look at heartbeats is done."""
+        """Handle the end of a check of heartbeats and requests."""
         ...
 
 
@@ -136,7 +138,7 @@ class Supervisor:
         self._actions: dict[asyncio.Task[None], tuple[ProcessAction, ManagedProcess]] = {}
 
     async def run(self) -> Outcome:
-        """Start everything, watch over it until the fleet ends, stop everything."""
+        """Start all processes, monitor them until the fleet ends, then stop them all."""
         self._end = asyncio.get_running_loop().create_future()
         self._clock_start = time.monotonic()
         try:
@@ -150,7 +152,7 @@ class Supervisor:
             self.kill_all()
             await self._cancel(self._tasks)
         restarts = sum(len(life.restarts) for life in self.processes.values())
-        # A program of ROS 1 that is asked to end often does so by the exception that its wait or its call raises.
+        # A ROS 1 program that is asked to stop often exits with the exception that its wait or call raises.
         complaints = tuple(
             name for name, life in self.processes.items() if life.failed_on_stop and not is_script(life.spec.kind)
         )
@@ -170,25 +172,25 @@ class Supervisor:
         )
 
     def interrupt(self) -> None:
-        """End the fleet in an orderly way; asked again, end it at once."""
+        """Stop the fleet in an orderly way; if called again, kill it."""
         if self._stopping:
             self.kill_all()
         self._finish("interrupted", "it was interrupted")
 
     def kill_all(self) -> None:
-        """Kill whatever is left."""
+        """Kill all processes that are left."""
         for life in self.processes.values():
             life.kill()
 
     def state(self) -> FleetState:
-        """The fleet as it is published."""
+        """Return the state of the fleet as published."""
         processes = tuple(life.state_message() for life in self.processes.values())
         return FleetState(fleet=self._fleet, mode=self._mode, processes=processes, note=self._note)
 
     def handle_action(self, verb: ProcessAction, name: str) -> str:
-        """Begin to carry out an order and say what happens; raises BadInput.
+        """Begin an action and return a description of it; raises BadInput.
 
-        A process has one order under way at a time; only a restart can be followed by a stop.
+        A process has one pending action at a time; only a restart may be followed by a stop.
         """
         life = self.processes.get(name.removeprefix("/")) or self._nodes.get(f"/{name.removeprefix('/')}")
         if life is None:
@@ -212,7 +214,7 @@ class Supervisor:
         return f"{_title(life, name)} {verb}s"
 
     def is_busy(self, name: str) -> bool:
-        """Whether an order for a process is under way."""
+        """Return whether an action on a process is pending."""
         return bool(self._pending_actions(self.processes[name]))
 
     def _pending_actions(self, life: ManagedProcess) -> list[ProcessAction]:
@@ -222,14 +224,14 @@ class Supervisor:
         life.start(self._start_task, [self.processes[need] for need in life.spec.depends_on])
 
     def _start_task(self, work: TaskFunction, name: str) -> asyncio.Task[None]:
-        """Start a task. All that are left are cancelled when the fleet has ended, so none can outlast it."""
+        """Start a task. Remaining tasks are cancelled when the fleet has ended, so none can outlast it."""
         task = asyncio.get_running_loop().create_task(self._guarded(work, name), name=name)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
 
     async def _guarded(self, work: TaskFunction, name: str) -> None:
-        """Do the work; an error of the supervisor's own ends the fleet in an orderly way, with its report."""
+        """Do the work; an error of the supervisor itself ends the fleet in an orderly way, with its report."""
         try:
             await work()
         except Exception as error:  # noqa: BLE001 whatever it is, processes are to be stopped and a report is due
@@ -251,7 +253,7 @@ class Supervisor:
             self._start(life)
 
     async def _watch(self) -> None:
-        """Look at heartbeats, judge, answer orders."""
+        """Check heartbeats and answer requests, in a loop."""
         last = time.monotonic()
         while True:
             for beat in self._bus.heartbeats():
@@ -269,10 +271,10 @@ class Supervisor:
             await asyncio.sleep(BUSY_POLL_PERIOD_S if starts or more else POLL_PERIOD_S)
 
     def _heartbeats_blocked(self, now: float) -> bool:
-        """Whether heartbeats do not get through, so that silence does not mean a hang; logged once.
+        """Return whether heartbeats do not get through, so that silence does not mean a hang; report changes once.
 
-        Then all ready processes are silent at once while the router answers, or a flood on their topic drowns them.
-        Processes that end are noticed and restarted in any case.
+        This is so when all ready processes are silent at once while the router answers, or when a flood on their topic
+        displaces them. Processes that end are noticed and restarted in any case.
         """
         ready = [life for life in self.processes.values() if life.state == "ready"]
         why = ""
@@ -289,8 +291,8 @@ class Supervisor:
         return bool(why)
 
     async def _stop_all(self) -> None:
-        """Stop in the reverse order of the start, those at once that nothing running depends on. Orders that are still
-        under way are dropped first.
+        """Cancel pending actions, then stop all processes in reverse start order, in parallel where nothing running
+        depends on them.
         """
         self._stopping = True
         await self._cancel(self._actions)
@@ -320,7 +322,9 @@ class Supervisor:
 
 
 def _title(life: ManagedProcess, asked: str) -> str:
-    """A process as it was ``asked`` for; one of several nodes by its name and theirs, as all get what one gets."""
+    """Return a process's title for messages: as ``asked``, or for several nodes its name and theirs, as all are
+    affected.
+    """
     name, nodes = life.spec.name, life.spec.names
     if len(nodes) == 1:
         return asked

@@ -1,1 +1,1 @@
-"""Many runs of one fleet: every combination of what is varied, a row for each, and a picture of any figure."""
+"""Runs one fleet many times: every combination of varied values, a table row for each, and a picture of any figure."""

@@ -1,4 +1,4 @@
-"""What a sweep varies: seeds and assignments with several values, and the runs that are all their combinations."""
+"""Defines a sweep: seeds and assignments with several values, and the runs of all their combinations."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from services.runtime.errors import BadInput
 SEED = "seed"
 """The name of the axis of seeds."""
 MAX_RUNS = 10_000
-"""Runs of a sweep."""
+"""Maximum number of runs of a sweep."""
 _SEED_RANGE = re.compile(r"(\d{1,19})(?:\.\.(\d{1,19}))?\Z")
 _OPENING, _CLOSING = "[{(", "]})"
 
 
 class Axis(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that is varied: ``key`` as ``up --set`` takes it before its ``=``, and the values as written."""
+    """One varied quantity: ``key`` as before the ``=`` of ``up --set``, and the values as written."""
 
     key: str
     values: tuple[str, ...]
 
     @property
     def name(self) -> str:
-        """Its column: the key, a dot where a set and its parameter are two words."""
+        """Its column name: the key, with a dot between a set and its parameter."""
         return self.key.replace(" ", ".")
 
     def number(self, value: str) -> float | None:
-        """A value as a number; None for a word."""
+        """Return a value as a number; None if it is not numeric."""
         try:
             return float(value)
         except ValueError:
@@ -49,7 +49,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     values: dict[str, str]
 
     def folder_name(self) -> str:
-        """Its folder within that of the sweep."""
+        """Return the name of its folder in that of the sweep."""
         return f"{self.number:04d}"
 
 
@@ -80,7 +80,7 @@ class Definition(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         )
 
     def arguments(self, run: Run) -> list[str]:
-        """The arguments of ``up`` for one run, beside those of its folder and its network."""
+        """Return the arguments of ``up`` for one run, without its folder and network."""
         arguments = [self.fleet, *self.options]
         for axis in self.axes:
             value = run.values[axis.name]
@@ -88,19 +88,19 @@ class Definition(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return arguments
 
     def overrides(self, run: Run) -> tuple[str, ...]:
-        """The assignments of one run, as ``up --set`` takes them."""
+        """Return the assignments of one run, in the form of ``up --set``."""
         return tuple(f"{axis.key}={run.values[axis.name]}" for axis in self.axes if axis.name != SEED)
 
 
 def read_axes(seeds: str, assignments: Sequence[str]) -> tuple[Axis, ...]:
-    """The axes of a command line: the assignments in their order, then the seeds.
+    """Parse the axes of a command line: the assignments in order, then the seeds.
 
     Args:
-        seeds: As ``0..31`` or ``1,2,7..9``; the fleet's own seed if empty.
+        seeds: E.g. ``0..31`` or ``1,2,7..9``; the fleet's own seed if empty.
         assignments: Each ``KEY=VALUE[,VALUE…]`` or ``SET NAME=VALUE[,VALUE…]``.
 
     Raises:
-        BadInput: One of them is none, is given twice, or there are more than MAX_RUNS combinations.
+        BadInput: One of them is malformed or given twice, or there are more than MAX_RUNS combinations.
     """
     axes: list[Axis] = []
     for text in assignments:
@@ -125,7 +125,7 @@ def read_axes(seeds: str, assignments: Sequence[str]) -> tuple[Axis, ...]:
 
 
 def split_values(text: str) -> Iterator[str]:
-    """The values between the commas that stand in no bracket and no quotes."""
+    """Split a text at the commas outside brackets and quotes."""
     depth, quote, begin = 0, "", 0
     for at, each in enumerate(text):
         if quote:

@@ -1,4 +1,4 @@
-"""The picture of a sweep: one figure over what was varied, with its spread over the seeds."""
+"""The picture of a sweep: a figure over a varied quantity, with its spread over the seeds."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from services.runtime.errors import BadInput, unknown_name
 
 SIZE_INCHES, DPI = (7.2, 4.5), 150
 MAX_LINES = 12
-"""Lines of a picture; of more combinations only the first are drawn, and the title says so."""
+"""Maximum number of lines; of more combinations only the first are drawn, as the title states."""
 
 
 class Line(NamedTuple):
-    """One line: its label, the places of its points, and at each place the values of all seeds."""
+    """A line: its label, the x values of its points, and for each of them the values of all seeds."""
 
     label: str
     places: tuple[float, ...]
@@ -29,7 +29,7 @@ class Line(NamedTuple):
 
 
 def choose_axis(definition: Definition, over: str) -> Axis:
-    """What the picture is drawn over: ``over``, else the first axis with several numbers, else any with several values.
+    """Return the x axis: ``over``, else the first axis with several numbers, else any with several values.
 
     Raises:
         BadInput: No axis has this name, or nothing was varied.
@@ -47,7 +47,7 @@ def choose_axis(definition: Definition, over: str) -> Axis:
 
 
 def make_lines(definition: Definition, rows: Sequence[Row], figure: str, axis: Axis) -> list[Line]:
-    """One line for each combination of the other axes but the seeds; runs without this figure are left out."""
+    """Return a line for each combination of the other axes except the seeds; runs without this figure are left out."""
     others = [each for each in definition.varied if each.name not in (axis.name, SEED)]
     found: dict[tuple[str, ...], dict[str, list[float]]] = {}
     for row in rows:
@@ -69,7 +69,7 @@ def _place(axis: Axis, value: str) -> float:
 
 
 def draw(definition: Definition, rows: Sequence[Row], figure: str, over: str = "") -> bytes:
-    """The picture as PNG; raises BadInput when no run has the figure."""
+    """Draw the picture as PNG; raises BadInput if no run has the figure."""
     axis = choose_axis(definition, over)
     lines = make_lines(definition, rows, figure, axis)
     if not lines:

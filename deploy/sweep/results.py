@@ -1,4 +1,4 @@
-"""The results of a sweep as a table: a row for each run, what was varied and every figure of its report."""
+"""The results of a sweep as a table: a row for each run, with the varied values and every figure of its report."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput, unknown_name
 
 RESULT_FILE = "result.json"
-"""Of a run that has ended by itself, in its folder; a run without one is run again."""
+"""Result file in the folder of a run that has ended by itself; a run without one is run again."""
 CSV_FILE, PARQUET_FILE = "sweep.csv", "sweep.parquet"
 OWN_COLUMNS = ("run", "ended", "status", "missed", "error", "trajectory_hash")
-"""Columns beside what was varied and the figures."""
+"""Columns besides the varied values and the figures."""
 
 Cell = str | float | int | bool | None
 Row = dict[str, Cell]
 
 
 class Result(msgspec.Struct, frozen=True, kw_only=True):
-    """How a run ended: the exit status of ``up``, the wall time it took [s], and its last words if it has no report."""
+    """How a run ended: the exit status of ``up``, its wall time [s], and its last output line if it has no report."""
 
     status: int
     seconds: float
@@ -38,7 +38,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_result(folder: Path) -> Result | None:
-    """The result of the run in a folder; None when it has not ended by itself yet."""
+    """Return the result of the run in a folder; None if it has not ended by itself yet."""
     try:
         return msgspec.json.decode((folder / RESULT_FILE).read_bytes(), type=Result)
     except (OSError, *DECODE_ERRORS):
@@ -46,7 +46,7 @@ def read_result(folder: Path) -> Result | None:
 
 
 def read_report(folder: Path) -> Report | None:
-    """The report in a folder of a run, if it is there and whole."""
+    """Return the report in the folder of a run; None if it is missing or incomplete."""
     try:
         return msgspec.json.decode((folder / REPORT_FILE).read_bytes(), type=Report)
     except (OSError, *DECODE_ERRORS):
@@ -54,7 +54,7 @@ def read_report(folder: Path) -> Report | None:
 
 
 def make_row(run: Run, folder: Path, result: Result) -> Row:
-    """What a run gave; without a report, what was varied and the error."""
+    """Return the table row of a run; without a report, only the varied values and the error."""
     report = read_report(folder)
     row: Row = {"run": run.folder_name(), **run.values, "status": result.status, "error": result.error}
     row |= {"ended": "", "missed": None, "trajectory_hash": ""}
@@ -68,7 +68,7 @@ def make_row(run: Run, folder: Path, result: Result) -> Row:
     row |= {name: getattr(report.run, name) for name in RUN_KEYS}
     for robot, figures in report.robots.items():
         row |= {f"{robot}.{name}": value for name, value in _scalars(msgspec.to_builtins(figures))}
-    # What services state themselves is not a figure of a robot's or of the run's.
+    # A service's own checks are not figures of a robot or the run.
     row |= {each.name: each.value for each in report.checks if each.name not in row}
     return row
 
@@ -82,7 +82,7 @@ def _scalars(figures: Mapping[str, Any]) -> Iterator[tuple[str, Cell]]:
 
 
 def unit_of(figure: str) -> str:
-    """The unit of a figure, as ``s`` of ``arm.step_settling_s``; empty if it has none that is known."""
+    """Return the unit of a figure, e.g. ``s`` for ``arm.step_settling_s``; empty if unknown."""
     name = figure.rpartition(".")[2]
     for record in (RunFigures, RobotFigures, ArmFigures):
         info = msgspec.inspect.type_info(record)
@@ -94,20 +94,20 @@ def unit_of(figure: str) -> str:
 
 
 def _stated_unit(kind: Any) -> str:
-    """The unit in the schema of a type, or of one of those that it may be."""
+    """Return the unit in the schema of a type, or of a member of a union."""
     if isinstance(kind, msgspec.inspect.Metadata):
         return str((kind.extra_json_schema or {}).get("unit", ""))
     return next((unit for each in getattr(kind, "types", ()) if (unit := _stated_unit(each))), "")
 
 
 def columns(definition: Definition, rows: Sequence[Row]) -> list[str]:
-    """The columns of a table: the run, what was varied, how it ended, then all figures that any row has."""
+    """Return the columns of a table: the run, the varied values, how it ended, then all figures that any row has."""
     first = ["run", *(each.name for each in definition.axes), *OWN_COLUMNS[1:]]
     return list(dict.fromkeys((*first, *(name for row in rows for name in row))))
 
 
 def write_tables(definition: Definition, rows: Sequence[Row], folder: Path) -> None:
-    """Write sweep.csv and, where rows are there, sweep.parquet, each whole or not at all."""
+    """Write sweep.csv and, if there are rows, sweep.parquet, each atomically."""
     names = columns(definition, rows)
     text = io.StringIO()
     table = csv.DictWriter(text, names, restval="", lineterminator="\n")
@@ -137,7 +137,7 @@ def _parquet(definition: Definition, rows: Sequence[Row], names: Sequence[str]) 
 
 
 def check_figure(name: str, robots: Sequence[str], where: str) -> None:
-    """Raise BadInput for a figure that no report has; what a service states itself is known by its slash."""
+    """Raise BadInput for a figure that no report has; a service's own figure is recognized by its slash."""
     if name.startswith("/") or name in RUN_KEYS or name == "missed":
         return
     robot, dot, figure = name.partition(".")

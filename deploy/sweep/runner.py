@@ -1,4 +1,4 @@
-"""Runs what a sweep still lacks, several at once, each as ``./elea up`` with a folder, port and domain of its own."""
+"""Runs the missing runs of a sweep, several at once, each as ``./elea up`` with its own folder, port and domain."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from services.runtime.process import SWEEP
 DEFINITION_FILE = "sweep.json"
 RUNS_FOLDER = "runs"
 LOG_FILE = "up.log"
-"""What ``up`` wrote, in the folder of a run."""
+"""The output of ``up``, in the folder of a run."""
 FIRST_PORT, LAST_PORT = 20_000, 29_999
 """Ports that identify the fleets of sweeps; nothing listens on them."""
 _STOP_S = 60.0
-"""Wall time in which a run that is interrupted must have ended."""
+"""Wall time to wait for the end of an interrupted run."""
 
 Finished = Callable[[Run, Result], None]
 
 
 @contextmanager
 def open_folder(folder: Path, definition: Definition) -> Iterator[None]:
-    """Begin a sweep in a folder, or go on with the one that is there, and hold it for this process.
+    """Begin a sweep in a folder, or resume the existing one, and lock it for this process.
 
     Raises:
         BadInput: Another sweep is there, or another process works on this one, or the folder cannot be written.
@@ -72,7 +72,7 @@ def _begin(folder: Path, definition: Definition) -> None:
 
 
 def read_definition(folder: Path) -> Definition:
-    """The sweep of a folder; raises BadInput when there is none."""
+    """Return the sweep of a folder; raises BadInput if there is none."""
     file = folder / DEFINITION_FILE
     try:
         return msgspec.json.decode(file.read_bytes(), type=Definition)
@@ -83,7 +83,7 @@ def read_definition(folder: Path) -> Definition:
 
 
 def _difference(known: Definition, wanted: Definition) -> str:
-    """What of a sweep's definition is not as it was."""
+    """Describe the differences of a sweep's definition from the known one."""
     for name in ("fleet", "options", "axes"):
         if getattr(known, name) != getattr(wanted, name):
             return f"its {name} differ ({_shown(getattr(known, name))}; now {_shown(getattr(wanted, name))})"
@@ -97,12 +97,12 @@ def _shown(value: object) -> str:
 
 
 def run_folder(folder: Path, run: Run) -> Path:
-    """The folder of a run."""
+    """Return the folder of a run."""
     return folder / RUNS_FOLDER / run.folder_name()
 
 
 def pending_runs(folder: Path, definition: Definition, again: bool = False) -> list[Run]:
-    """The runs that have not ended by themselves yet; ``again`` counts those without a report, too."""
+    """Return the runs that have not ended by themselves yet; with ``again`` also those without a report."""
 
     def is_pending(run: Run) -> bool:
         result = read_result(run_folder(folder, run))
@@ -112,7 +112,7 @@ def pending_runs(folder: Path, definition: Definition, again: bool = False) -> l
 
 
 class Sweep:
-    """Runs at most ``jobs`` at once; a first interruption ends them in an orderly way, a second one kills them."""
+    """Runs at most ``jobs`` runs at once; a first interrupt stops them in an orderly way, a second one kills them."""
 
     def __init__(self, folder: Path, definition: Definition, jobs: int, finished: Finished) -> None:
         self._folder, self._definition, self._jobs, self._finished = folder, definition, jobs, finished
@@ -120,7 +120,7 @@ class Sweep:
         self.interrupted = False
 
     async def run(self, runs: Sequence[Run]) -> None:
-        """Run these, in their order."""
+        """Run these in order."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._interrupt)
@@ -157,7 +157,7 @@ class Sweep:
         finally:
             self._running.discard(process)
         if self.interrupted or status == INTERRUPTED:
-            return  # it did not end by itself
+            return  # it was interrupted
         error = "" if (folder / REPORT_FILE).exists() else _last_line(folder / LOG_FILE, status)
         result = Result(status=status, seconds=round(time.monotonic() - began, 3), error=error)
         write_atomic(folder / RESULT_FILE, msgspec.json.encode(result), durable=True)
@@ -176,13 +176,13 @@ class Sweep:
 
 
 def _free_ports(count: int) -> list[int]:
-    """Ports that no running fleet of this user has; those of two sweeps differ."""
+    """Return ports that no running fleet of this user has; concurrent sweeps get different ones."""
     taken = {each.port for each in running_fleets()}
     begin = FIRST_PORT + os.getpid() * 64 % (LAST_PORT - FIRST_PORT - 1024)
     return [each for each in range(begin, begin + 1024 + count) if each not in taken][:count]
 
 
 def _last_line(log: Path, status: int) -> str:
-    """The last line of what a run without a report wrote."""
+    """Return the last output line of a run without a report."""
     lines = [each for each in log.read_text(errors="replace").splitlines() if each.strip()]
     return lines[-1].removeprefix("elea: ") if lines else f"ended with status {status} and wrote nothing"

@@ -1,9 +1,9 @@
-"""What an imitated client library (rospy, tf, actionlib …) needs of the process that runs a foreign script.
+"""The interface between an imitated client library (rospy, tf, actionlib …) and the process that runs a foreign script.
 
-The script owns the main thread, a ``Kernel`` works in another. Everything here may be called from any thread that the
+The script owns the main thread; a ``Kernel`` works in another. Everything here may be called from any thread that the
 kernel knows: the main one, those of ``spawn``, and those that run a ``receive`` or a ``handle``. In lockstep at most
 one of these threads runs at a time; each ends its turn in a wait (``sleep_until``, ``wait_until``, the end of a
-callback) or when its budget of ``point`` is spent. In real time they run beside each other, as in ROS.
+callback) or when its budget of ``point`` is spent. In real time they run concurrently, as in ROS.
 
 Names are absolute, resolved and remapped by the library; payloads are MessagePack maps.
 """
@@ -19,7 +19,7 @@ from services.script.robot_frames import RobotFrames
 
 
 class ScriptStopped(EleaError):
-    """The process is asked to end: raised by what waits, in simulated time."""
+    """The process is asked to end: raised by waits in simulation time."""
 
 
 class TimeMovedBackwards(EleaError):
@@ -31,11 +31,11 @@ class ServiceUnavailable(EleaError):
 
 
 class ServiceRefused(EleaError):
-    """The server answered with an error, whose reason is the text. A ``handle`` raises it to refuse."""
+    """The server answered with an error, whose reason is the text. A ``handle`` raises it to refuse a request."""
 
 
 class Origin(NamedTuple):
-    """Where a message comes from: the full name of its publisher's node ("" if unknown), and whether it is latched."""
+    """The source of a message: the full name of its publisher's node ("" if unknown), and whether it is latched."""
 
     node: str
     latched: bool
@@ -45,15 +45,15 @@ class Output(Protocol):
     """A publication."""
 
     def publish(self, payload: bytes) -> None:
-        """Send a message; it leaves at once in real time, at the end of the turn in lockstep. Costs 5 points."""
+        """Publish a message; it leaves at once in real time, at the end of the turn in lockstep. Costs 5 points."""
         ...
 
     def subscribers(self) -> list[str]:
-        """The full names of the nodes that subscribe, the own one included."""
+        """Return the full names of the subscribing nodes, including this one."""
         ...
 
     def close(self) -> None:
-        """End it."""
+        """Close the publication."""
         ...
 
 
@@ -61,11 +61,11 @@ class Input(Protocol):
     """A subscription with its own worker thread."""
 
     def publishers(self) -> list[str]:
-        """The full names of the nodes that publish."""
+        """Return the full names of the publishing nodes."""
         ...
 
     def close(self) -> None:
-        """End it; a ``receive`` that runs comes to its end."""
+        """Close the subscription; a running ``receive`` is completed."""
         ...
 
 
@@ -73,7 +73,7 @@ class Server(Protocol):
     """A service that this script serves."""
 
     def close(self) -> None:
-        """End it."""
+        """Close the service."""
         ...
 
 
@@ -87,14 +87,14 @@ class GraphEntry(NamedTuple):
 
 
 class Parameters(Protocol):
-    """The tree of parameters that all nodes share; keys are absolute. Own writes are seen at once."""
+    """The parameter tree shared by all nodes; keys are absolute. A script sees its own writes at once."""
 
     def get(self, key: str) -> Any:
-        """The value, or the dict of an inner node; raises KeyError."""
+        """Return the value, or the dict of an inner node; raises KeyError."""
         ...
 
     def set(self, key: str, value: Any) -> None:
-        """Set a value or, with a dict, a whole branch; raises BadInput for what is not a parameter."""
+        """Set a value or, with a dict, a whole branch; raises BadInput for an invalid parameter."""
         ...
 
     def delete(self, key: str) -> None:
@@ -102,26 +102,26 @@ class Parameters(Protocol):
         ...
 
     def has(self, key: str) -> bool:
-        """Whether there is a value or branch."""
+        """Return whether there is a value or branch."""
         ...
 
     def search(self, namespace: str, key: str) -> str | None:
-        """The nearest key of this name, from the namespace upwards."""
+        """Return the nearest key of this name, from the namespace upwards."""
         ...
 
     def names(self) -> list[str]:
-        """All keys of values, in the order in which they were set."""
+        """Return the keys of all values, in the order in which they were set."""
         ...
 
 
 class Kernel(Protocol):
-    """The node of a script: ``services.script.api.kernel()`` gives it. It connects when first needed."""
+    """The node of a script, as returned by ``services.script.api.kernel()``. It connects when first needed."""
 
     parameters: Parameters
     frames: RobotFrames
     lockstep: bool
     simulated: bool
-    """Whether time is the simulation's; False with ``--wall-time``."""
+    """Whether time is simulation time; False with ``--wall-time``."""
 
     @property
     def shutting_down(self) -> bool:
@@ -129,7 +129,7 @@ class Kernel(Protocol):
         ...
 
     def start(self, node: str, namespace: str, kind: str) -> None:
-        """Take the node's name (``/tb3_0/talker``); raises BadInput when another node holds it. Once."""
+        """Claim the node's name (``/tb3_0/talker``); raises BadInput if another node holds it. Called once."""
         ...
 
     def advertise(
@@ -141,14 +141,17 @@ class Kernel(Protocol):
         joined: Callable[[str], bytes | None] | None = None,
         left: Callable[[str], None] | None = None,
     ) -> Output:
-        """Publish on a topic. ``joined`` and ``left`` are called with the node of a subscriber that comes or goes; a
-        payload that ``joined`` returns is sent."""
+        """Publish on a topic.
+
+        ``joined`` and ``left`` are called with the node of a subscriber that appears or disappears; a payload that
+        ``joined`` returns is published.
+        """
         ...
 
     def subscribe(
         self, name: str, ros_type: str, receive: Callable[[bytes, Origin], None], queue_size: int | None = None
     ) -> Input:
-        """Subscribe, with ``receive`` called on a thread of this topic; "" or "*" for ``ros_type`` takes any type.
+        """Subscribe; ``receive`` is called on a thread of this topic. "" or "*" for ``ros_type`` accepts any type.
 
         With a ``queue_size`` the oldest messages are dropped when more of them wait.
         """
@@ -163,62 +166,67 @@ class Kernel(Protocol):
         ...
 
     def service_type(self, name: str) -> str | None:
-        """The type of a service, or None while nobody serves it."""
+        """Return the type of a service, or None without a server."""
         ...
 
     def graph(self) -> list[GraphEntry]:
-        """All publications, subscriptions and services on the network."""
+        """Return all publications, subscriptions and services on the network."""
         ...
 
     def nodes(self) -> list[str]:
-        """The full names of all nodes."""
+        """Return the full names of all nodes."""
         ...
 
     def end_node(self, node: str, reason: str) -> bool:
-        """Ask another program's node to end; whether there is one that will. In lockstep no program ends another."""
+        """Ask another program's node to end; return whether one will. In lockstep no program ends another."""
         ...
 
     def now(self) -> int:
-        """Time in ns since simulation began, or since 1970 with ``--wall-time``; 0 while no clock has come."""
+        """Return the time [ns] since simulation began, or since 1970 with ``--wall-time``; 0 before the first clock."""
         ...
 
     def sleep_until(self, time_ns: int) -> None:
-        """Wait for a time; raises ScriptStopped (simulated time only), TimeMovedBackwards."""
+        """Sleep until a time; raises ScriptStopped (simulation time only), TimeMovedBackwards."""
         ...
 
     def wait_until(self, ready: Callable[[], bool], timeout: float | None = None, by_messages: bool = False) -> bool:
-        """Wait until ``ready()``, which is asked whenever something has arrived or changed; False after ``timeout`` [s]
-        (wall time, in lockstep simulated) or when the process ends. ``by_messages``: only messages and other threads
-        make it true, so that lockstep need not ask at each tick."""
+        """Wait until ``ready()``, which is checked whenever something has arrived or changed; return whether it holds.
+
+        Returns False after ``timeout`` [s] (wall time; in lockstep simulation time) or when the process ends.
+        ``by_messages``: only messages and other threads make it true, so that lockstep need not check it at each tick.
+        """
         ...
 
     def wake(self) -> None:
-        """Say that a ``ready`` somewhere may have become true."""
+        """Have all ``ready`` functions checked again."""
         ...
 
     def point(self, cost: float = 1.0) -> None:
-        """Count a look at time, shutdown or state. A turn of lockstep ends when 500 are spent in one tick; in real time
-        a loop that never waits is slowed down."""
+        """Count a query of time, shutdown or state.
+
+        A turn in lockstep ends once 500 points are spent in one tick; in real time a loop that never waits is slowed
+        down.
+        """
         ...
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
-        """Start a thread that takes turns as the others do; an exception in it is logged, and ends it alone."""
+        """Start a thread that takes turns like the others; an exception in it is logged, and ends only this thread."""
         ...
 
     def lock(self) -> Any:
-        """A reentrant lock (a context manager) whose waiting does not stop the other threads' turns."""
+        """Return a reentrant lock (a context manager); waiting for it does not stop the other threads' turns."""
         ...
 
     def on_shutdown(self, hook: Callable[[], None]) -> None:
-        """Call ``hook`` when the process ends, in the order of addition, while publishing and sleeping still work."""
+        """Call ``hook`` when the process ends, in order of registration, while publishing and sleeping still work."""
         ...
 
     def shut_down(self, reason: str) -> None:
-        """Run the hooks, then end what waits. The script itself may go on."""
+        """Run the hooks, then end all waits. The script itself may go on."""
         ...
 
     def log(self, level: int, text: str, where: Mapping[str, Any]) -> None:
-        """Publish a line on ``/rosout`` (level 1 to 16; ``where``: file, line, function), without printing."""
+        """Publish a line on ``/rosout`` (level 1 to 16; ``where``: file, line, function), without printing it."""
         ...
 
 
@@ -230,13 +238,13 @@ _kernel: Kernel | None = None
 
 
 def kernel() -> Kernel:
-    """The kernel of the script that this process runs; raises NoKernel in another process."""
+    """Return the kernel of the script that this process runs; raises NoKernel in another process."""
     if _kernel is None:
         raise NoKernel("this process runs no script: start it with ./elea run FILE.py")
     return _kernel
 
 
 def set_kernel(made: Kernel | None) -> None:
-    """Let ``kernel`` return this one; for the start of a process, and for tests."""
+    """Make ``kernel`` return this one; for the start of a process, and for tests."""
     global _kernel
     _kernel = made

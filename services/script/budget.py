@@ -1,17 +1,17 @@
-"""What a turn of lockstep may spend: points are counted, never measured by a clock, so a run repeats."""
+"""The budget of a turn in lockstep, in points that are counted and not measured by a clock, so that a run repeats."""
 
 from __future__ import annotations
 
 import re
 
 BUDGET = 500.0
-"""Points that a thread may spend in one tick; then its turn ends, and it goes on at the next."""
+"""Points that a thread may spend in one tick; its turn then ends, and it continues at the next tick."""
 LOOK = 1.0
 PUBLISH = 5.0
 LOG = 5.0
 CALL = 50.0
 WHILE_PASSES = 100
-"""Passes of a ``while`` of the script that make one point."""
+"""Number of passes of a ``while`` loop of the script that cost one point."""
 
 _COMMAND = re.compile(r"/gazebo/(apply|set|clear)_\w+")
 _STATE = re.compile(r"/gazebo/get_(joint|link|model)_\w+")
@@ -25,16 +25,16 @@ _TABLE = (
 
 
 def explain() -> str:
-    """The table as text."""
+    """Return the table as text."""
     lines = [f"In lockstep a thread's turn ends when it waits, or has spent {BUDGET:g} points in one tick:"]
     return "\n".join([*lines, *(f"  {cost:>5g}  {what}" for cost, what in _TABLE)])
 
 
 class GazeboCalls:
-    """Ends the turn of a thread that reads a state again after it has commanded something.
+    """Ends the turn of a thread that reads a state again after it has sent a command.
 
     A control loop without any wait, ``get_joint_properties`` and ``apply_joint_effort`` in turn, sees a new state in
-    each round in Gazebo, whose steps are shorter than a call. Here it gets one round a tick: in a second one nothing
+    each round in Gazebo, whose steps are shorter than a call. Here it gets one round per tick: in a second one nothing
     would have moved, and its difference quotients would be 0.
     """
 
@@ -42,7 +42,7 @@ class GazeboCalls:
         self._commanded: dict[object, int] = {}
 
     def cost(self, service: str, thread: object, now: int) -> float:
-        """The points of a call of a thread at ``now`` [ns]."""
+        """Return the points of a call by a thread at ``now`` [ns]."""
         if _COMMAND.fullmatch(service):
             self._commanded[thread] = now
         elif self._commanded.get(thread) == now and _STATE.fullmatch(service):

@@ -1,4 +1,4 @@
-"""Time as a script sees it: the simulation's, between two samples of ``/clock`` by the wall clock; or wall time."""
+"""Time as a script sees it: simulation time, interpolated between samples of ``/clock``; or wall time."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from services.runtime.transport.api import RawSubscriber
 from services.runtime.transport.wire import encoding, unpack_attachment
 
 _CLOCKS = 16
-"""Samples that are kept and read at once."""
+"""Maximum number of samples that are buffered and read at once."""
 _KEPT = 25
-"""Samples from which the speed of simulation time is measured: half a second in real time."""
+"""Number of samples from which the speed of simulation time is measured: half a second in real time."""
 _FASTEST = 1000.0
 
 
 class ScriptClock:
-    """The time of a script. Simulation time is set from outside, by ``set``; wall time needs nothing.
+    """The time of a script. Simulation time is set from outside by ``set``; wall time needs no updates.
 
-    Between two samples, ``now`` goes on by the wall clock times the speed of simulation time, but never by more than
+    Between two samples, ``now`` advances with the wall clock times the speed of simulation time, but never by more than
     the time between two samples, and never backwards.
     """
 
     def __init__(self, simulated: bool, interpolated: bool = True) -> None:
         self.simulated, self.started = simulated, not simulated
         self.epoch = 0
-        """How often time was reset."""
+        """Number of resets of time."""
         self.paused = False
         self.factor = 1.0
-        """Simulated seconds per second of wall time, as the simulation states it."""
+        """Simulated seconds per second of wall time, as stated by the simulation."""
         self._epoch_sent = 0
         self.on_change: Callable[[], None] = _nothing
         self._interpolated = interpolated
@@ -45,7 +45,7 @@ class ScriptClock:
         self._samples: deque[tuple[float, int]] = deque(maxlen=_KEPT)
 
     def now(self) -> int:
-        """The time [ns]."""
+        """Return the time [ns]."""
         if not self.simulated:
             return time.time_ns()
         if self._interpolated and not self.paused:
@@ -54,11 +54,11 @@ class ScriptClock:
         return self._shown
 
     def wall_until(self, time_ns: int, now: int) -> float:
-        """Wall time [s] until a later time will come, if nothing is paused."""
+        """Return the wall time [s] until a later time, if nothing is paused."""
         return max((time_ns - now) / (1e9 * self._speed), 0.0002)
 
     def set(self, time_ns: int, epoch: int = 0, paused: bool = False) -> None:
-        """Time has come from the simulation; a new epoch, or an earlier time, is a reset."""
+        """Set the time received from the simulation; a new epoch, or an earlier time, is a reset."""
         wall = time.monotonic()
         if epoch != self._epoch_sent or time_ns < self._last or not self.started:
             self.epoch += self.started
@@ -94,7 +94,7 @@ class ClockReader:
         node.refusal_counters.append(self._source.counts)
 
     def update(self) -> bool:
-        """Take the new samples; whether there was one."""
+        """Read new samples; return whether there was one."""
         newest = None
         for payload, attachment, source in islice(iter(self.raw.recv, None), _CLOCKS):
             if self.raw.key(source) != self._key or self.raw.encoding(source) not in ("", self._encoding):

@@ -1,4 +1,4 @@
-"""The command line of a script's process: Elea's options before the file, the script's own arguments behind it."""
+"""The command line of a script's process: Elea's options before the file, the script's own arguments after it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def main() -> None:
 
 
 def _run(options: dict[str, Any]) -> int:
-    """The exit status of the script."""
+    """Run the script; return its exit status."""
     try:
         from services.script.run import run_script
 
@@ -39,13 +39,14 @@ def _run(options: dict[str, Any]) -> int:
 
 
 def hash_environment(seed: int) -> dict[str, str]:
-    """The environment of a script in lockstep: it fixes the order of sets by the seed of the run."""
+    """Return the environment of a script in lockstep, which fixes the order of sets by the run's seed."""
     return {"PYTHONHASHSEED": str(seed % 4294967296)}
 
 
 def _pin_hashes(options: dict[str, Any]) -> None:
-    """In lockstep, start again with a fixed order of sets, unless the fleet started it so: Python reads its seed before
-    anything runs.
+    """In lockstep, restart the process with a fixed order of sets, unless the fleet set the environment.
+
+    Python reads the seed of its hashes before anything runs.
     """
     wanted = hash_environment(options["seed"])
     if options["lockstep"] and not wanted.items() <= os.environ.items():

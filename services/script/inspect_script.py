@@ -1,6 +1,6 @@
-"""Tells from the text of a Python file whether it is a ROS program, of which ROS, and the name of its node.
+"""Determines from the text of a Python file whether it is a ROS program, for which ROS, and its node's name.
 
-Nothing of the file is executed. Python 2 is not an obstacle: what does not parse is searched line by line.
+Nothing in the file is executed. Python 2 files that do not parse are searched line by line.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ ROS1_MODULES = frozenset(
         *("actionlib", "cv_bridge", "dynamic_reconfigure", "message_filters", "tf", "tf_conversions"),
     ]
 )
-"""Modules of ROS 1 that a file which imports them is written for; ``tf2_ros`` and message packages are of both."""
+"""Modules that make a file that imports them a ROS 1 program; ``tf2_ros`` and message packages exist in both."""
 ROS2_MODULES = frozenset(["ament_index_python", "launch", "launch_ros", "rclpy", "tf_transformations"])
 OWN_MODULES = frozenset(["services"])
-"""A file that imports these is a service of Elea, whatever else it imports."""
+"""Modules that make a file that imports them a service of Elea, whatever else it imports."""
 
 MAX_SCRIPT = 8 << 20
-"""Bytes of a script."""
+"""Maximum size of a script [bytes]."""
 MAX_IMPORTED = 40
-"""Files beside a script that are looked into for what it is written for."""
+"""Maximum number of files next to a script that are inspected for its ROS version."""
 
 _IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import\b|import[ \t]+([\w., \t]+))", re.MULTILINE)
 _INIT_NODE = re.compile(r"\binit_node\s*\(\s*[urUR]{0,2}(['\"])([^'\"\n]*)\1")
@@ -42,8 +42,10 @@ _INIT_NODE = re.compile(r"\binit_node\s*\(\s*[urUR]{0,2}(['\"])([^'\"\n]*)\1")
 
 @dataclass(frozen=True)
 class ScriptFacts:
-    """What a file is: ``api`` is "" for one that uses no ROS. ``node_name`` is legal, and empty where none is stated;
-    ``anonymous`` nodes get a name of their own each time."""
+    """The properties of a file: ``api`` is "" if it does not use ROS.
+
+    ``node_name`` is legal, and empty if none is stated; ``anonymous`` nodes get a unique name each time.
+    """
 
     api: Api
     node_name: str = ""
@@ -51,7 +53,7 @@ class ScriptFacts:
 
 
 def inspect_script(path: Path) -> ScriptFacts:
-    """The facts about a Python file, by its text and that of the modules beside it; raises BadInput."""
+    """Inspect a Python file and the modules next to it; raises BadInput."""
     text = read_script(path)
     tree = _parse(text)
     name, anonymous = _node_in_tree(tree) if tree is not None else _node_in_text(text)
@@ -59,7 +61,7 @@ def inspect_script(path: Path) -> ScriptFacts:
 
 
 def is_python(path: Path) -> bool:
-    """Whether a file is Python by its name or its first line."""
+    """Return whether a file is Python, by its name or first line."""
     if path.suffix == ".py":
         return True
     try:
@@ -71,7 +73,7 @@ def is_python(path: Path) -> bool:
 
 
 def read_script(path: Path) -> str:
-    """The text of a script in its own encoding; bytes that are not of it are replaced. Raises BadInput."""
+    """Return the text of a script in its own encoding, with invalid bytes replaced. Raises BadInput."""
     try:
         if path.is_dir() or not path.exists():
             raise missing_file(path)
@@ -88,7 +90,9 @@ def read_script(path: Path) -> str:
 
 
 def runs_nothing(path: Path) -> bool:
-    """Whether a file uses Elea and only defines things: run by itself, it does nothing. Raises BadInput."""
+    """Return whether a file uses Elea but only contains definitions, so that running it does
+    nothing. Raises BadInput.
+    """
     text = read_script(path)
     tree = _parse(text)
     if tree is None or not {each.partition(".")[0] for each in _imports(text, tree)} & OWN_MODULES:
@@ -110,13 +114,13 @@ def _only_defines(statement: ast.stmt) -> bool:
 
 
 def legal_node_name(name: str) -> str:
-    """A name with every character replaced that a node's must not have; empty for an empty one."""
+    """Return a name with every character replaced that is illegal for a node; empty for an empty one."""
     name = re.sub(r"[^A-Za-z0-9_]", "_", name.strip().rpartition("/")[2])[:LONGEST_NODE]
     return f"_{name}" if name[:1].isdigit() else name
 
 
 def imported_modules(text: str) -> set[str]:
-    """The dotted names of the modules that a text imports, those in functions included."""
+    """Return the dotted names of the modules that a text imports, including those in functions."""
     return _imports(text, _parse(text))
 
 
@@ -146,9 +150,9 @@ def _imports(text: str, tree: ast.Module | None) -> set[str]:
 
 
 def _api(path: Path, text: str, tree: ast.Module | None) -> Api:
-    """By its own imports; if they say nothing, by those of the modules that it finds in its folder or package.
+    """Return the ROS version by the file's imports; without any, by those of modules in its folder or package.
 
-    A program of a package of ROS is one of ROS 1 even so: a launch file starts it as any other.
+    A program in a ROS package is a ROS 1 program without such imports as well, since a launch file can start it.
     """
     pending, seen = [(path, _imports(text, tree))], {path}
     while pending:
@@ -181,7 +185,7 @@ def _local_modules(path: Path, names: set[str]) -> Iterator[Path]:
 
 
 def _node_in_tree(tree: ast.Module) -> tuple[str, bool]:
-    """The name in the first call of ``init_node``, and whether it is anonymous; "" if it is computed."""
+    """Return the name in the first call of ``init_node``, and whether it is anonymous; "" if it is computed."""
     constants = {
         target.id: node.value.value
         for node in tree.body

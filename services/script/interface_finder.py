@@ -1,7 +1,7 @@
-"""Imports of message packages: ``std_msgs.msg``, ``my_pkg.srv``, ``my_pkg.cfg.TutorialsConfig``, from definitions.
+"""Imports of message packages from their definitions: ``std_msgs.msg``, ``my_pkg.srv``, ``my_pkg.cfg.TutorialsConfig``.
 
-The finder stands before Python's own for these submodules, whatever ``<pkg>`` itself is: the package's own modules in
-``src/<pkg>``, a library of ours, or, if there is neither, an empty package that the finder makes.
+The finder precedes Python's own for these submodules, whatever ``<pkg>`` itself is: the package's own modules in
+``src/<pkg>``, a library of ours, or, without either, an empty package that the finder creates.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Packages = Callable[[str], Path | None]
 
 
 class InterfaceModule(ModuleType):
-    """A module whose classes are made when they are first asked for."""
+    """A module whose classes are created when first accessed."""
 
     def __init__(self, name: str, names: Iterable[str], make: Callable[[str], Any]) -> None:
         super().__init__(name)
@@ -62,7 +62,7 @@ class InterfaceFinder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """The spec of a module of definitions, or None for all others."""
+        """Return the spec of a module of definitions, or None for all others."""
         found = _MODULE.fullmatch(fullname)
         if found is None:
             return None
@@ -90,7 +90,7 @@ class InterfaceFinder(MetaPathFinder):
         return [*self._catalogue.types(package, "msg"), *(name + part for name in actions for part in ACTION_PARTS)]
 
     def _class(self, package: str, kind: str, name: str) -> type:
-        classes = importlib.import_module("genpy.message").classes  # on the path of a script's process alone
+        classes = importlib.import_module("genpy.message").classes  # only on the path of a script's process
 
         found: type
         if kind == "srv" and name in self._catalogue.types(package, "srv"):
@@ -110,7 +110,7 @@ class InterfaceFinder(MetaPathFinder):
 
 
 class PackageFinder(MetaPathFinder):
-    """Finds a package that has definitions but no module of its own; it stands behind Python's finders."""
+    """Finds packages that have definitions but no module of their own; it comes after Python's finders."""
 
     def __init__(self, catalogue: Catalogue, packages: Packages) -> None:
         self._catalogue, self._packages = catalogue, packages
@@ -118,7 +118,7 @@ class PackageFinder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """The spec of an empty package, or None."""
+        """Return the spec of an empty package, or None."""
         if "." in fullname:
             return None
         if not self._catalogue.has_package(fullname):
@@ -129,7 +129,7 @@ class PackageFinder(MetaPathFinder):
 
 
 class _ModuleLoader(Loader):
-    """Makes a module by a function of its name."""
+    """Creates a module by calling a function with its name."""
 
     def __init__(self, create: Callable[[str], ModuleType]) -> None:
         self._create = create
@@ -138,11 +138,11 @@ class _ModuleLoader(Loader):
         return self._create(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Nothing: it is whole when it is made."""
+        """Do nothing: the module is complete when created."""
 
 
 def install(catalogue: Catalogue, packages: Packages) -> None:
-    """Let ``import`` find the message packages of the catalogue, and those whose folder ``packages`` finds."""
+    """Make ``import`` find the message packages of the catalogue, and those whose folder ``packages`` finds."""
     catalogue.locate = packages
     uninstall()
     sys.meta_path.insert(0, InterfaceFinder(catalogue, packages))
@@ -150,7 +150,7 @@ def install(catalogue: Catalogue, packages: Packages) -> None:
 
 
 def uninstall() -> None:
-    """Take back ``install``."""
+    """Undo ``install``."""
     sys.meta_path[:] = [each for each in sys.meta_path if not isinstance(each, InterfaceFinder | PackageFinder)]
 
 
@@ -161,13 +161,15 @@ def _package(name: str) -> ModuleType:
 
 
 def _cfg_file(folder: Path, name: str) -> Path | None:
-    """The file that generates the config ``name``: the third argument of its ``generate``, mostly its own name too."""
+    """Return the file that generates the config ``name``: the third argument of its ``generate``, usually its own name
+    too.
+    """
     files = sorted(folder.glob("*.cfg"))
     return next((file for file in files if name in _generated(file)), None)
 
 
 def _generated(file: Path) -> set[str]:
-    """The names that a .cfg file generates: of the third argument of ``generate``, or else its own."""
+    """Return the names that a .cfg file generates: the third arguments of ``generate``, or else its own name."""
     try:
         tree = ast.parse(file.read_bytes(), str(file))
     except (SyntaxError, ValueError):

@@ -1,4 +1,4 @@
-"""The node of a script: topics, services, parameters and time, for threads that the script owns."""
+"""The node of a script: topics, services, parameters and time for the threads that the script owns."""
 
 from __future__ import annotations
 
@@ -42,28 +42,31 @@ from services.script.topics import SubscriberFollower, TopicInput, TopicOutput, 
 from services.script.turns import TurnThreads
 
 _SEND_S = 0.03
-"""Wall time [s] in which what was published last leaves, before the tokens go: they overtake it."""
+"""Wall time [s] for the last messages to leave before the tokens are removed, which would overtake them."""
 _LEAVE_S = 0.3
-"""The same in lockstep, where the report of the last tick counts: without it the script is lost, and not finished."""
+"""The same in lockstep, for the report of the last tick: without it the script counts as lost, not as finished."""
 _ANSWER_S = 330.0
-"""Wall time [s] that a service of this project has to answer in lockstep: longer than the simulation, which answers
-when the other members are done or ask, too, waits for a slow one of them."""
+"""Wall time [s] to wait for a service of this project in lockstep: longer than the simulation, which answers once the
+other members are done or are calling, too, waits for a slow one of them.
+"""
 _SETTLE_S = 0.4
-"""Wall time [s] that a script of a fleet leaves to the network before it computes."""
+"""Wall time [s] that a script of a fleet leaves for the network to connect before it computes."""
 _LATE_S = 0.05
-"""Wall time [s] of a period in which the main thread's looks at time count as one, once the process is asked to end."""
+"""Wall time [s] within which several checks by the main thread count as one, once the process is asked to end."""
 _LOCKSTEP_PATIENCE_S = 60.0
-"""Wall time [s] without a first tick after which a script says so; the simulation names before whom it waits for."""
+"""Wall time [s] without a first tick after which a script reports it; the simulation reports
+earlier whom it waits for.
+"""
 _START_S = 10.0
-"""Wall time [s] that a call waits for time to begin: messages come only from then on."""
+"""Wall time [s] that a call waits for time to begin: messages arrive only from then on."""
 _LINK_S = 2.0
-"""Wall time [s] in which a service that is announced, but does not hear a call yet, is called again."""
+"""Wall time [s] for which a service that is announced, but does not receive a call yet, is called again."""
 _FIRST_POLL_S, _SLOWEST_POLL_S = 0.0002, 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 class KernelOptions:
-    """How a script takes part: ``simulated`` is False with ``--wall-time``."""
+    """The options of a script's kernel: ``simulated`` is False with ``--wall-time``."""
 
     simulated: bool = True
     lockstep: bool = False
@@ -74,7 +77,7 @@ class KernelOptions:
 
 
 class ScriptKernel:
-    """The kernel of a script over a transport; it connects when it is first needed."""
+    """The kernel of a script over a transport; it connects when first needed."""
 
     def __init__(self, transport: Callable[[], Transport], options: KernelOptions | None = None) -> None:
         self.options = options or KernelOptions()
@@ -82,13 +85,15 @@ class ScriptKernel:
         self.rate = self.options.rate
         self.frames = RobotFrames(self.options.frame_prefix)
         self.noticed = self.hooks_done = False
-        """Whether the main thread has seen that the process is asked to end."""
+        """Whether the main thread has noticed that the process is asked to end; whether the hooks have run."""
         self.late_looks = 0
-        """In how many periods of _LATE_S it has looked or waited since: a loop that goes on does so again and again."""
+        """Number of periods of _LATE_S in which it checked or waited since then: a loop that goes on does so
+        repeatedly.
+        """
         self._late_since = 0.0
         self._shutting_down = False
         self.lock_node: AbstractContextManager[Any] = threading.RLock()
-        """Held while the node is used: by its own thread, and by those that declare or publish."""
+        """Held while the node is used: by its own thread, and by threads that declare or publish."""
         self.clock = ScriptClock(self.simulated, interpolated=not self.lockstep)
         self.turns: TurnThreads | None = TurnThreads(self.clock, self._warn) if self.lockstep else None
         self.threads: Threads = self.turns or FreeThreads(self.clock)
@@ -105,17 +110,17 @@ class ScriptKernel:
         self._network: Network | None = None
         self._loop: NodeLoop | None = None
         self._ended: NodeLoop | None = None
-        """The loop that has ended: its token of lockstep goes with the network, behind its last report."""
+        """The loop that has ended: its lockstep token is removed with the network, after its last report."""
         self._stepping: SteppingNode | None = None
         self._hooks: list[Callable[[], None]] = []
         self._warned: set[str] = set()
         self._linked: set[str] = set()
-        """The followed publications that reach somebody."""
+        """The followed publications that reach a subscriber."""
         self._hooks_lock = threading.RLock()
         self._ending = self._excused = self._early = False
         self._gazebo = GazeboCalls()
         self.end_process: Callable[[str], None] = self.shut_down
-        """Ends the process, with a reason, as if it had been asked to from outside."""
+        """Ends the process, with a reason, as if asked from outside."""
 
     @property
     def shutting_down(self) -> bool:
@@ -125,7 +130,7 @@ class ScriptKernel:
 
     @property
     def transport(self) -> Transport:
-        """The network, joined when it is first needed."""
+        """The transport, opened when first needed."""
         with self.lock_node:
             if self._transport is None:
                 self._transport = self._resources.enter_context(self._open_transport())
@@ -142,7 +147,9 @@ class ScriptKernel:
         return self._network
 
     def start_early(self, node: str, namespace: str) -> None:
-        """Take the name that a fleet has given this process, before the script does: it may wait before it has one."""
+        """Claim the node name that the fleet gave this process before the script does, since the
+        script may wait first.
+        """
         self.start(node, namespace, SCRIPT)
         self._early = True
         deadline, seen = time.monotonic() + _SETTLE_S, -1
@@ -230,7 +237,7 @@ class ScriptKernel:
         self.point(CALL if self.turns is None else self._gazebo.cost(name, self.turns.identity(), self.now()))
         if self._stepping is not None:
             if not self.clock.started and not self._shutting_down:
-                self.wait_until(lambda: self.clock.started)  # before, calls of several scripts have no order
+                self.wait_until(lambda: self.clock.started)  # before that, calls of several scripts have no order
             if (replies := self._stepping.call(name, payload, timeout)) is not None:
                 return read_answer(name, replies)
         elif isinstance(self._loop, RealTimeLoop) and not self.clock.started and self.network.server(name) is not None:
@@ -243,7 +250,7 @@ class ScriptKernel:
         return read_answer(name, asked)
 
     def _query(self, name: str, payload: bytes, timeout: float | None) -> Sequence[Reply]:
-        """Ask by a query, and wait for the answers; in lockstep time stands still meanwhile."""
+        """Send a query and wait for the answers; in lockstep, time stands still meanwhile."""
         before = self._shutting_down
         patience = (_ANSWER_S if self.lockstep else FOREVER_S) if timeout is None else timeout
         sender = b""
@@ -261,10 +268,10 @@ class ScriptKernel:
         return replies
 
     def _answered(self, name: str, replies: Sequence[Reply]) -> bool:
-        """Whether an answer is the one that is waited for, although the network has not said yet that it is the last.
+        """Return whether the expected answer has arrived, although the network has not reported it as the last one.
 
-        It asks every process that may serve the name, also those that it knows too little of. One that stood still
-        while its links came up may owe its word for ever.
+        The query goes to every process that may serve the name, including those about which too little is known. One
+        that stood still while its links came up may never complete its answer.
         """
         server = self.network.server(name)
         return any(each.ok or (server is not None and each.session == server.session) for each in replies)
@@ -280,7 +287,7 @@ class ScriptKernel:
         return self.network.nodes()
 
     def end_node(self, node: str, reason: str) -> bool:
-        if self.lockstep:  # when it ends would depend on the machine
+        if self.lockstep:  # when that node ends would depend on the machine
             return False
         return any(ask_to_end(self.transport, each, node, reason) for each in self.network.sessions(node))
 
@@ -315,21 +322,21 @@ class ScriptKernel:
         self.threads.point(cost)
 
     def pause(self, seconds: float) -> None:
-        """Wait so long in simulation time; the end of the process, or a reset of time, ends the wait."""
+        """Wait in simulation time; the end of the process, or a reset of time, ends the wait."""
         with suppress(ScriptStopped, TimeMovedBackwards):
             self.declare_ready()
             self.threads.sleep_until(self.now() + round(seconds * 1e9))
         self._notice()
 
     def rest(self, seconds: float) -> None:
-        """Wait so long in wall time."""
+        """Wait in wall time."""
         self.declare_ready()
         self.threads.rest(seconds)
         self._notice()
 
     @contextmanager
     def outside(self, what: str) -> Iterator[None]:
-        """The calling thread waits for something outside; the others go on, and the run need not repeat."""
+        """Let the other threads run while the calling one waits for external input; the run may then not repeat."""
         if self.turns is None:
             yield
             return
@@ -367,12 +374,12 @@ class ScriptKernel:
         self.threads.stop()
 
     def end_waits(self) -> None:
-        """End what waits, also in hooks that still run."""
+        """End all waits, also in hooks that still run."""
         self.threads.stop()
         self.hurry()
 
     def hurry(self) -> None:
-        """The process is asked to end: nothing waits for a tick any more."""
+        """Stop waiting for ticks: the process is asked to end."""
         if isinstance(self._loop, LockstepLoop):
             self._loop.hurry()
 
@@ -396,12 +403,12 @@ class ScriptKernel:
                 self._stepping.sent(rosout, encode(line))
 
     def declare_ready(self) -> None:
-        """The script waits for the first time: what it declares at its start is declared."""
+        """Declare the node ready at the script's first wait: its initial declarations are complete."""
         if (loop := self._loop) is not None:
             loop.declare_ready()
 
     def await_start(self) -> None:
-        """Stay, after the script's end, until time has begun: the simulation waits to see each node of the fleet."""
+        """Stay after the script's end until time has begun: the simulation waits to see each node of the fleet."""
         deadline = time.monotonic() + _LOCKSTEP_PATIENCE_S
         if isinstance(self._loop, RealTimeLoop) and self.simulated:
             self._loop.declare_ready()
@@ -409,21 +416,22 @@ class ScriptKernel:
                 time.sleep(0.05)
 
     def stop_loop(self) -> None:
-        """End the node's thread; in lockstep, once what was published is reported."""
+        """Stop the node's thread; in lockstep, once the published messages are reported."""
         if self._loop is not None:
             self._ended, self._loop = self._loop, None
             self._ended.stop()
 
     def close(self) -> None:
-        """Leave the network; what was published is on its way."""
+        """Leave the network after the published messages were sent."""
         self.stop_loop()
         if self.node is not None:
             time.sleep(_LEAVE_S if self.lockstep else _SEND_S)
         self._resources.close()
 
     def follows_simulation(self) -> bool:
-        """Whether the script's own clock is the simulation's: always in lockstep, else when it is not as fast as the
-        wall clock."""
+        """Return whether the script's own clock is simulation time: always in lockstep, else when it does not run at
+        the speed of the wall clock.
+        """
         return self.lockstep or (self.clock.started and self.clock.factor != 1.0)
 
     def spin(self) -> None:
@@ -441,7 +449,7 @@ class ScriptKernel:
                 follower.worker.notify()
 
     def publish(self, publisher: Publisher[Any], payload: bytes) -> None:
-        """Send a payload on one of the script's publications."""
+        """Publish a payload on one of the script's publications."""
         if len(payload) > LARGEST_MESSAGE:
             raise BadInput(f"a message of {len(payload)} bytes on {publisher.name}: the limit is {LARGEST_MESSAGE}")
         if self._stepping is None:
@@ -451,16 +459,16 @@ class ScriptKernel:
             self._stepping.publish(publisher, payload)
 
     def origin(self, publisher: bytes) -> Origin:
-        """Where the samples of a publisher come from."""
+        """Return the source of a publisher's samples."""
         found = self.network.origin(publisher)
         if found.node or not publisher:
             return found
-        with self.lock_node:  # its token may have come just now
+        with self.lock_node:  # its token may have just arrived
             self.network.update()
         return self.network.origin(publisher)
 
     def ends(self, kind: str, name: str) -> list[str]:
-        """The nodes with such an end; the own ones are known at once."""
+        """Return the nodes with an endpoint of this kind; the script's own endpoints are known at once."""
         found = set(self.network.ends(kind, name))
         if self.node is not None:
             own = self.readers if kind == "sub" else {each.name for each in self.outputs}
@@ -468,11 +476,13 @@ class ScriptKernel:
         return sorted(found)
 
     def links(self, publisher: Publisher[Any]) -> bool:
-        """Whether a sample would reach a subscriber; members of lockstep have seen each other before time begins."""
+        """Return whether a sample would reach a subscriber; members of lockstep have seen each other before time
+        begins.
+        """
         return self.lockstep or publisher.has_subscribers
 
     def close_output(self, output: TopicOutput, publisher: Publisher[Any] | None) -> None:
-        """End a publication; another of the same topic keeps it alive."""
+        """Close a publication; another of the same topic keeps it alive."""
         with self.lock_node:
             if output not in self.outputs:
                 return
@@ -485,7 +495,7 @@ class ScriptKernel:
                 self.node.unregister(publisher)
 
     def close_input(self, given: TopicInput) -> None:
-        """End a subscription; the last one of a topic ends its reader."""
+        """Close a subscription; the last one of a topic ends its reader."""
         with self.lock_node:
             reader = self.readers.get(given.name)
             if reader is None:
@@ -498,7 +508,7 @@ class ScriptKernel:
                     self.node.unregister(reader.subscriber)
 
     def close_server(self, server: ServiceServer) -> None:
-        """End a service."""
+        """Close a service."""
         with self.lock_node:
             if server in self.servers:
                 self.servers.remove(server)
@@ -508,7 +518,7 @@ class ScriptKernel:
                     self._stepping.calls.withdraw(server.name)
 
     def _on_asked_to_end(self, reason: str) -> None:
-        """Another process asks this one to end, as in ROS: by ``rosnode kill``, or because it takes the name."""
+        """End as asked by another process, as in ROS: by ``rosnode kill``, or because it takes the name."""
         assert self.node is not None
         if reason == REPLACED:
             reason = f"[{self.node.identity.node}] Reason: {reason}"
@@ -520,7 +530,7 @@ class ScriptKernel:
         return self.node.identity.node if self.node is not None else f"/_script_{self.transport.session[:12]}"
 
     def _excuse(self, reason: str) -> None:
-        """Say in the log and in the report that the run need not repeat; it is not a fault."""
+        """Report in the log and as a check that the run may not repeat, which is not a failure."""
         self._warn(reason)
         if self.node is not None:
             stated = Check(name="reads_input", value=1.0, min=0.0, max=1.0, reason=reason)
@@ -532,7 +542,7 @@ class ScriptKernel:
             self.node.log.warn(text)
 
     def _notice(self) -> None:
-        """The main thread looks or waits: it is told of a shutdown, and goes on if it does so again and again."""
+        """Record that the main thread has noticed the shutdown, and how often it has checked or waited since."""
         if self._shutting_down and threading.current_thread() is threading.main_thread():
             self.noticed = True
             if (now := time.monotonic()) - self._late_since > _LATE_S:
@@ -540,7 +550,7 @@ class ScriptKernel:
                 self.late_looks += 1
 
     def _announce(self, *types: str) -> None:
-        """Tell the others the definitions of types that only the script's own packages have."""
+        """Announce the definitions of types that only the script's own packages have."""
         if self._announcer is not None:
             self._announcer.add(*types)
 
@@ -565,7 +575,7 @@ class ScriptKernel:
             self._stepping.calls.serve(server)
 
     def _warn_types(self) -> None:
-        """Say, once for a topic, that another node takes it for another type: neither understands the other."""
+        """Warn, once per topic, that another node uses it with another type, so that neither can decode the other."""
         own = {each.name: each.ros_type for each in self.outputs}
         own |= {each.name: each.ros_type for each in self.readers.values() if each.ros_type not in ("", "*")}
         for name, (ros_type, node) in self.network.other_types(own).items():

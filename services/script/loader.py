@@ -1,6 +1,7 @@
-"""Load a script and run it as ``__main__``; its own modules get loops with points, and time and threads of their own.
+"""Loads a script and runs it as ``__main__``; its own modules get counted loops, and replaced time and threading
+modules.
 
-Its own are the modules in its folder and in the packages of its workspace. Libraries are left as they are.
+Its own modules are those in its folder and in the packages of its workspace. Libraries are not changed.
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ class ScriptLoader:
     """Runs one script.
 
     Args:
-        folders: where the script's own modules are.
-        modules: what ``import`` gives these modules in place of Python's.
-        extras: builtins of these modules, beside Python's.
-        workspace: the packages around the script, for the text about a missing one.
+        folders: The folders of the script's own modules.
+        modules: Replacements of Python's modules when these modules import them.
+        extras: Builtins of these modules besides Python's.
+        workspace: The packages around the script, for the error text about a missing one.
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class ScriptLoader:
         self._builtins = {**builtins.__dict__, **extras, "__import__": self._import}
 
     def run(self, file: Path) -> None:
-        """Run the file as the main program; raises what it raises."""
+        """Run the file as the main program; raises what the file raises."""
         sys.meta_path.insert(0, _OwnModules(self))
         module = ModuleType("__main__")
         module.__dict__.update(__file__=sys.argv[0], __builtins__=self._builtins)
@@ -64,13 +65,13 @@ class ScriptLoader:
         exec(compile_script(file), module.__dict__)
 
     def owns(self, origin: str) -> bool:
-        """Whether a file is one of the script's own modules."""
+        """Return whether a file is one of the script's own modules."""
         path = os.path.abspath(origin)
         inside = any(path.startswith(each) for each in self._folders)
         return inside and "site-packages" not in path and not path.startswith(_NOT_OWN)
 
     def prepare(self, module: ModuleType) -> None:
-        """Give a module of the script's own the builtins of such."""
+        """Give one of the script's own modules its builtins."""
         module.__dict__["__builtins__"] = self._builtins
 
     def _take_windows(self, cv2: ModuleType) -> None:
@@ -102,7 +103,9 @@ class ScriptLoader:
 
 
 def _import_beside(name: str, scope: Any, inner: Any, fromlist: Any) -> Any:
-    """The module that lies beside the importing one in its package: Python 2 looked there first; None if none does."""
+    """Return the module next to the importing one in its package, where Python 2 looked first; None
+    if there is none.
+    """
     package = (scope or {}).get("__package__")
     if not package:
         return None
@@ -136,7 +139,7 @@ class _OwnModules(MetaPathFinder):
 
 
 class _OwnLoader(SourceFileLoader):
-    """Compiles a module as the script itself; writes no cache beside it."""
+    """Compiles a module like the script itself; writes no cache next to it."""
 
     def __init__(self, fullname: str, path: str, loader: ScriptLoader) -> None:
         super().__init__(fullname, path)
@@ -151,7 +154,7 @@ class _OwnLoader(SourceFileLoader):
 
 
 def loop_pass(point: Callable[[float], None]) -> Callable[[], None]:
-    """The function that the head of each loop calls: one point for WHILE_PASSES passes."""
+    """Return the function called at the head of each loop: it counts one point per WHILE_PASSES passes."""
     left = WHILE_PASSES
 
     def passed() -> None:
@@ -165,7 +168,7 @@ def loop_pass(point: Callable[[float], None]) -> Callable[[], None]:
 
 
 def python2_builtins(read_line: Callable[..., str]) -> dict[str, Any]:
-    """Builtins that Python 2 had; a text that needs no conversion may still use them."""
+    """Return builtins of Python 2, which a text that needs no conversion may still use."""
 
     def cmp(one: Any, two: Any) -> int:
         return int(one > two) - int(one < two)
@@ -192,9 +195,9 @@ def python2_builtins(read_line: Callable[..., str]) -> dict[str, Any]:
 
 
 def pin_randomness(seed: int, node: str) -> Callable[[str], None]:
-    """Let unseeded random numbers of the script be the same in every run; returns what to call at its imports.
+    """Make the script's unseeded random numbers the same in every run; return a function to call at its imports.
 
-    ``os.urandom`` is so for all but the runtime, which needs names that nobody else has.
+    ``os.urandom`` is fixed as well, except for the runtime, which needs unique names.
     """
     number = (seed << 32) ^ zlib.crc32(node.encode())
     source, true_urandom = random.Random(number), os.urandom
@@ -219,7 +222,7 @@ def pin_randomness(seed: int, node: str) -> Callable[[str], None]:
 
 
 class Keyboard(io.TextIOBase):
-    """Standard input of a script in lockstep: a thread that reads it hands over the turn meanwhile."""
+    """Standard input of a script in lockstep: a thread that reads it ends its turn in the meantime."""
 
     def __init__(self, stream: Any, outside: Callable[[str], Any]) -> None:
         self._stream, self._outside = stream, outside

@@ -22,7 +22,7 @@ from services.script.topics import ForeignSubscriber, record_of
 
 
 class CallRequest(msgspec.Struct, frozen=True):
-    """A call: who makes it, its number there, and the request."""
+    """A call: its caller, the caller's number for it, and the request."""
 
     caller: str
     number: int
@@ -30,7 +30,7 @@ class CallRequest(msgspec.Struct, frozen=True):
 
 
 class CallReply(msgspec.Struct, frozen=True):
-    """The answer to a call; of one that is refused, the payload is a Refusal."""
+    """The reply to a call; if it is refused, the payload is a Refusal."""
 
     caller: str
     number: int
@@ -43,19 +43,19 @@ _read_reply = raw_decoder(CallReply)
 
 
 class Publish(Protocol):
-    """Sends a payload of the node."""
+    """Publishes a payload of the node."""
 
     def __call__(self, publisher: Publisher[Any], payload: bytes) -> None: ...
 
 
 def call_topic(name: str, part: str) -> Topic[Any]:
-    """The topic of a service's requests (``request``) or answers (``reply``)."""
+    """Return the topic of a service's requests (``request``) or replies (``reply``)."""
     record = record_of(f"elea_msgs/Call{part.capitalize()}")
     return Topic(f"{name}/_{part}", record, 0, Quality.EVENT, "", LARGEST_MESSAGE)
 
 
 class LockstepCalls:
-    """The calls of one script, made and answered. ``admit`` belongs to the node's thread, all with the node locked."""
+    """The calls that one script makes and answers. ``admit`` belongs to the node's thread; all need the node locked."""
 
     def __init__(self, node: Node, publish: Publish) -> None:
         self._node, self._publish = node, publish
@@ -66,19 +66,19 @@ class LockstepCalls:
         self._open: set[int] = set()
 
     def serve(self, server: ServiceServer) -> None:
-        """Take the requests of other scripts for a service."""
+        """Subscribe to other scripts' requests for a service."""
         subscriber = ForeignSubscriber(call_topic(server.name, "request"), self._node.transport)
         self._node.attach(subscriber)
         self._node.advertise(call_topic(server.name, "reply"))
         self._served[server.name] = server, subscriber
 
     def withdraw(self, name: str) -> None:
-        """Take no more requests for a service."""
+        """Unsubscribe from requests for a service."""
         if (found := self._served.pop(name, None)) is not None:
             self._node.unregister(found[1], self._node.advertise(call_topic(name, "reply")))
 
     def ask(self, name: str, payload: bytes) -> int:
-        """Send a request; returns its number."""
+        """Publish a request; return its number."""
         if name not in self._called:
             self._called[name] = subscriber = ForeignSubscriber(call_topic(name, "reply"), self._node.transport)
             self._node.attach(subscriber)
@@ -89,16 +89,16 @@ class LockstepCalls:
         return self._number
 
     def answer(self, number: int) -> Reply | None:
-        """The answer to a request, if it has come."""
+        """Return the reply to a request; None until it has arrived."""
         return self._answers.get(number)
 
     def forget(self, number: int) -> None:
-        """Nobody waits for this answer any more."""
+        """Discard a request whose caller no longer waits."""
         self._open.discard(number)
         self._answers.pop(number, None)
 
     def admit(self) -> None:
-        """Hand over the requests and answers of this tick."""
+        """Pass on the requests and replies of this tick."""
         for server, requests in list(self._served.values()):
             for payload, _ in requests.messages:
                 self._take_request(server, requests, payload)

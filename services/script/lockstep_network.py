@@ -1,7 +1,7 @@
-"""What a script sees of the network in lockstep: the same at the same tick of every run.
+"""A script's view of the network in lockstep: the same at the same tick of every run.
 
-A liveliness token arrives when it arrives. So the scripts of a fleet tell each other what they publish, read and serve
-by a topic, which lockstep orders like all others; of other nodes the tokens count, as of the start of the tick.
+Liveliness tokens arrive at any time. The scripts of a fleet therefore announce what they publish, subscribe to and
+serve on a topic, which lockstep orders like all others; for other nodes the tokens count, as of the start of the tick.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ ENDS: Topic[Any] = Topic(
     1 << 20,
 )
 SCRIPT = "script"
-"""The kind of node, as its token states it."""
+"""The kind of node in a script's token."""
 ANNOUNCING = (SCRIPT, "turtlesim")
-"""The kinds of nodes that announce what they have; their tokens do not count."""
+"""The kinds of nodes that announce their endpoints; their tokens do not count."""
 
 
 class End(msgspec.Struct, frozen=True):
@@ -44,7 +44,7 @@ class End(msgspec.Struct, frozen=True):
 
 
 class ScriptEnds(msgspec.Struct, frozen=True):
-    """All that a script publishes, reads and serves."""
+    """All publications, subscriptions and services of a script."""
 
     node: str
     session: str
@@ -64,10 +64,10 @@ class LockstepNetwork(Network):
         self._announced: set[str] = set()
         self._seen = -1
         self.begun = False
-        """Whether there was a tick; before, the tokens count as they arrive."""
+        """Whether there was a tick; before the first, tokens count as they arrive."""
 
     def receive(self, payload: bytes) -> bool:
-        """Read the announcement of another script; returns whether it could be read."""
+        """Process another script's announcement; return whether it is valid."""
         try:
             script = _decode(payload)
             for each in script.ends:
@@ -83,21 +83,21 @@ class LockstepNetwork(Network):
         return True
 
     def freeze(self) -> None:
-        """From now on, until the next call, the tokens that have arrived so far count."""
+        """Use the tokens that have arrived so far, until the next call."""
         if self._seen == self.version:
             return
         self._seen = self.version
         with self._lock:
             entities = list(self._entities.values())
         scripts = {each.session for each in entities if each.kind == "node" and each.name in ANNOUNCING}
-        # An announcement may come before the token of its script; its going counts once the token was here.
+        # An announcement may arrive before its script's token; the script's end counts once the token was seen.
         gone = self._announced - scripts
         self._announced = scripts
         self._scripts = {each: ends for each, ends in self._scripts.items() if each not in gone}
         self._frozen = [each for each in entities if each.session not in scripts]
 
     def has_announced(self, session: str) -> bool:
-        """Whether a session is that of a script that steps with this one."""
+        """Return whether a session belongs to a script that announces its endpoints."""
         return session in self._scripts
 
     def ends(self, kind: str, name: str) -> list[str]:
@@ -128,5 +128,5 @@ class LockstepNetwork(Network):
 
 
 def encode_announcement(node: str, session: str, ends: tuple[End, ...]) -> bytes:
-    """The payload that announces what a script publishes, reads and serves."""
+    """Return the payload that announces a script's publications, subscriptions and services."""
     return encode(ScriptEnds(node, session, ends))

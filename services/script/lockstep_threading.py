@@ -1,4 +1,4 @@
-"""The modules ``threading``, ``_thread`` and ``queue`` of a script in lockstep: what waits ends its turn."""
+"""The modules ``threading``, ``_thread`` and ``queue`` of a script in lockstep: a wait ends the thread's turn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.script.turns import TurnLock, TurnThreads
 
 
 def threading_module(turns: TurnThreads) -> ModuleType:
-    """The module ``threading`` on these turns."""
+    """Return the module ``threading`` on these turns."""
 
     class Lock(TurnLock):
         """A lock that is not reentrant."""
@@ -38,7 +38,7 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             self._owner = None
 
         def locked(self) -> bool:
-            """Whether it is held."""
+            """Return whether it is held."""
             return self._owner is not None
 
     class RLock(TurnLock):
@@ -62,7 +62,7 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             self._lock.__exit__(*exception)
 
         def wait(self, timeout: float | None = None) -> bool:
-            """Wait to be notified; False when that takes too long."""
+            """Wait to be notified; return False on timeout."""
             called = [False]
             self._waiting.append(called)
             held = self._lock._count
@@ -86,13 +86,13 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             return result
 
         def notify(self, n: int = 1) -> None:
-            """Wake ``n`` of those that wait."""
+            """Wake ``n`` waiting threads."""
             for called in self._waiting[:n]:
                 called[0] = True
             del self._waiting[:n]
 
         def notify_all(self) -> None:
-            """Wake all that wait."""
+            """Wake all waiting threads."""
             self.notify(len(self._waiting))
 
         notifyAll = notify_all
@@ -104,27 +104,27 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             self._flag = False
 
         def is_set(self) -> bool:
-            """Whether it is set."""
+            """Return whether it is set."""
             turns.point(1.0)
             return self._flag
 
         isSet = is_set
 
         def set(self) -> None:
-            """Wake all that wait for it."""
+            """Set the flag and wake all waiting threads."""
             self._flag = True
 
         def clear(self) -> None:
-            """Take it back."""
+            """Reset the flag."""
             self._flag = False
 
         def wait(self, timeout: float | None = None) -> bool:
-            """Wait until it is set; False when that takes too long."""
+            """Wait until the flag is set; return False on timeout."""
             turns.wait_until(lambda: self._flag, timeout, by_messages=True)
             return self._flag
 
     class Semaphore:
-        """A counter of which no more is taken than there is."""
+        """A counting semaphore."""
 
         def __init__(self, value: int = 1) -> None:
             if value < 0:
@@ -132,7 +132,7 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             self._value = value
 
         def acquire(self, blocking: bool = True, timeout: float | None = None) -> bool:
-            """Take one; False when there is none in time."""
+            """Decrement the counter; return False if it stays 0 for the timeout."""
             if self._value == 0 and (
                 not blocking or not turns.wait_until(lambda: self._value > 0, timeout, by_messages=True)
             ):
@@ -141,7 +141,7 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             return True
 
         def release(self, n: int = 1) -> None:
-            """Give some back."""
+            """Increment the counter by ``n``."""
             self._value += n
 
         def __enter__(self) -> bool:
@@ -151,7 +151,7 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             self.release()
 
     class BoundedSemaphore(Semaphore):
-        """A semaphore of which no more is given back than was taken."""
+        """A semaphore that cannot be released more often than acquired."""
 
         def __init__(self, value: int = 1) -> None:
             super().__init__(value)
@@ -182,7 +182,7 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             turns.wait_until(lambda: turn.ended, timeout, by_messages=True)
 
     class Timer(Thread):
-        """A thread that calls a function after some time."""
+        """A thread that calls a function after a delay."""
 
         def __init__(
             self,
@@ -197,7 +197,7 @@ def threading_module(turns: TurnThreads) -> ModuleType:
             self.finished = Event()
 
         def cancel(self) -> None:
-            """Do not call it."""
+            """Cancel the call."""
             self.finished.set()
 
         def run(self) -> None:
@@ -213,13 +213,13 @@ def threading_module(turns: TurnThreads) -> ModuleType:
 
 
 def thread_module(threading: ModuleType) -> ModuleType:
-    """The module ``_thread``, Python 2's ``thread``, whose threads and locks are those of this ``threading``."""
+    """Return the module ``_thread``, Python 2's ``thread``, with the threads and locks of this ``threading``."""
 
     def start_new_thread(
         function: Callable[..., Any], args: tuple[Any, ...], kwargs: Mapping[str, Any] | None = None
     ) -> int:
         def run() -> None:
-            with suppress(SystemExit):  # what exit() raises
+            with suppress(SystemExit):  # raised by exit()
                 function(*args, **(kwargs or {}))
 
         thread = threading.Thread(target=run, daemon=True)
@@ -235,7 +235,7 @@ def thread_module(threading: ModuleType) -> ModuleType:
 
 
 def queue_module(threading: ModuleType, time: ModuleType, import_module: Callable[..., Any]) -> ModuleType:
-    """The module ``queue``, built again from Python's own source on these modules."""
+    """Return the module ``queue``, built from Python's own source on these modules."""
     spec = importlib.util.find_spec("queue")
     assert spec is not None
     assert spec.origin is not None

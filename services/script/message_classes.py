@@ -1,4 +1,4 @@
-"""The classes of ROS 1's messages and services, one for each type of the process, and the checks of their fields."""
+"""The classes of ROS 1 messages and services, one per type and process, and the checks of their fields."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NUMPY = ("float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uin
 
 
 class MessageClasses:
-    """Makes classes of message types below a base class, and reads and writes their messages.
+    """Creates classes of message types from a base class, and encodes and decodes their messages.
 
     Args:
         message: The base class.
@@ -47,18 +47,18 @@ class MessageClasses:
 
     @property
     def catalogue(self) -> Catalogue:
-        """The definitions that the classes are made of."""
+        """The definitions from which the classes are created."""
         return catalogue()
 
     def message(self, name: str) -> type:
-        """The class of the message ``pkg/Type``; raises UnknownType or BadDefinition."""
+        """Return the class of the message ``pkg/Type``; raises UnknownType or BadDefinition."""
         if (known := self._classes.get(name)) is None:
             closure = catalogue().closure(name)
             known = self._classes[name] = self._message_class(closure[name])
         return known
 
     def service(self, name: str) -> type:
-        """The class of the service ``pkg/Type``; raises UnknownType or BadDefinition."""
+        """Return the class of the service ``pkg/Type``; raises UnknownType or BadDefinition."""
         if (known := self._services.get(name)) is None:
             definition = catalogue().service(name)
             package, _, own = name.partition("/")
@@ -73,20 +73,20 @@ class MessageClasses:
         return known
 
     def encode(self, message: Any) -> bytes:
-        """A message as MessagePack; raises what ROS 1's serialization raises."""
+        """Encode a message as MessagePack; raises the errors of ROS 1's serialization."""
         cls = type(message)
         if (write := self._encoders.get(cls)) is None:
             write = self._encoders[cls] = self._codec.encoder(cls._type)
         return self._written(write, message)
 
     def decode(self, cls: type, payload: bytes) -> Any:
-        """A message of a class from MessagePack; raises WrongPayload."""
+        """Decode a message of a class from MessagePack; raises WrongPayload."""
         if (read := self._decoders.get(cls)) is None:
             read = self._decoders[cls] = self._codec.decoder(cls._type)  # type: ignore[attr-defined]
         return read(payload)
 
     def fault(self, name: str, kind: str, value: Any) -> str | None:
-        """Why a value does not fit a field's type, in ROS 1's words."""
+        """Return why a value does not fit a field's type, in ROS 1's words; None if it fits."""
         return self._checker.fault(name, kind, value)
 
     def _written(self, write: Callable[[Any], bytes], message: Any) -> bytes:
@@ -130,7 +130,7 @@ class MessageClasses:
         return own.removesuffix("Request") in services or own.removesuffix("Response") in services
 
     def _constructor(self, definition: MessageDefinition, slots: list[str]) -> Any:
-        """``__init__``, compiled, since scripts make many messages."""
+        """Return ``__init__``, compiled, since scripts create many messages."""
         names: dict[str, Any] = {"base": self._base, "Time": self.time, "Duration": self.duration}
         given, empty = [], []
         for index, (field, slot) in enumerate(zip(definition.fields, slots, strict=True)):
@@ -149,7 +149,7 @@ class MessageClasses:
         return names["__init__"]
 
     def _default(self, kind: str, extent: int | None, name: str, names: dict[str, Any]) -> str:
-        """The expression for the value of a field that was not given."""
+        """Return the expression for the default of a field."""
         if extent is not None and kind in ("uint8", "char"):
             return "b''" if extent < 0 else f"b'\\0' * {extent}"
         if extent == -1:
@@ -189,7 +189,7 @@ class MessageClasses:
 
 
 def slot_name(name: str) -> str:
-    """The attribute of a field: words of Python's own get an underscore."""
+    """Return the attribute of a field: Python keywords get an underscore."""
     return f"{name}_" if keyword.iskeyword(name) or name == "self" else name
 
 
@@ -207,7 +207,7 @@ class TypeChecker:
         self._times = {"time": ("Time", time), "duration": ("Duration", duration)}
 
     def fault(self, name: str, kind: str, value: Any) -> str | None:
-        """Why ``value`` does not fit the field ``name`` of the type ``kind``; None if it does."""
+        """Return why ``value`` does not fit the field ``name`` of the type ``kind``; None if it does."""
         if kind in SIZES:
             return _number_fault(name, kind, value)
         if kind == "string":

@@ -1,8 +1,8 @@
-"""Messages of ROS 1's classes to Elea's MessagePack maps and back, by functions that are compiled for each type.
+"""Converts messages of ROS 1 classes to Elea's MessagePack maps and back, by functions compiled for each type.
 
-On the wire a message has ROS 2's field names (``sec``, ``nanosec``, ``d`` of CameraInfo), and ``seq`` of a header as a
-further one. Values are coerced as ROS 1's binary format does, with ``struct``: whole numbers become floats where floats
-are due, and a float32 is rounded. A field that is missing has ROS 1's default.
+On the wire a message has ROS 2's field names (``sec``, ``nanosec``, ``d`` of CameraInfo), and a header's ``seq`` as an
+additional field. Values are coerced as in ROS 1's binary format, with ``struct``: integers become floats in float
+fields, and a float32 is rounded. A missing field has ROS 1's default.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _BYTES = ("uint8", "char")
 
 
 class ClassSource(Protocol):
-    """Where the classes of messages come from."""
+    """The source of message classes."""
 
     time: type
     duration: type
 
     def message(self, name: str) -> type:
-        """The class of ``pkg/Type``."""
+        """Return the class of ``pkg/Type``."""
         ...
 
 
@@ -60,12 +60,14 @@ class Codec:
         self._structs: dict[str, type] = {}
 
     def encoder(self, name: str) -> Callable[[Any], bytes]:
-        """A function from messages of a type to MessagePack; it raises what ``struct`` and attributes raise."""
+        """Return a function that encodes messages of a type as MessagePack; it raises the errors of ``struct`` and
+        attributes.
+        """
         to_map = self._encoding(name)
         return lambda message: encode(to_map(message))
 
     def decoder(self, name: str) -> Callable[[bytes], Any]:
-        """A function from MessagePack to messages of a type, which raises WrongPayload."""
+        """Return a function that decodes messages of a type from MessagePack; it raises WrongPayload."""
         read: Callable[[bytes], Any] = raw_decoder(self._struct(name))
         build = self._decoding(name)
 
@@ -90,7 +92,7 @@ class Codec:
         return known
 
     def _fields(self, name: str) -> list[tuple[Field, str, str]]:
-        """The fields of a type, each with its attribute and its name on the wire."""
+        """Return the fields of a type, each with its attribute and its name on the wire."""
         wire = wire_names(self._catalogue, name)
         return [(field, self._slot(field.name), wire[field.name]) for field in self._catalogue.message(name).fields]
 
@@ -156,7 +158,7 @@ class Codec:
         return known
 
     def _wire_type(self, field: Field) -> tuple[Any, Any]:
-        """The type of a field on the wire, and its default."""
+        """Return the type of a field on the wire, and its default."""
         one, default = self._wire_single(field.type)
         if field.extent is None:
             return one, default
@@ -199,7 +201,7 @@ class Codec:
                     f"    t.secs = {here}.sec",
                     f"    t.nsecs = {here}.nanosec",
                 ]
-            elif field.type == "byte":  # ROS 2's is unsigned
+            elif field.type == "byte":  # unsigned in ROS 2
                 lines.append(f"    m.{slot} = ({here} + 128) % 256 - 128")
             elif field.type in SIZES or field.type == "string":
                 lines.append(f"    m.{slot} = {here}")
@@ -252,7 +254,7 @@ _WIRE_NUMBERS = {kind: _wire_number(kind) for kind in SIZES}
 
 @cache
 def packed_fields() -> frozenset[tuple[str, str]]:
-    """The fields, by type and name, that our own records send as arrays and not as lists."""
+    """Return the fields, by type and name, that our own records encode as arrays instead of lists."""
     found = set()
     for name, record in RECORDS.items():
         for each, info in fields_of(record).items():
@@ -264,7 +266,7 @@ def packed_fields() -> frozenset[tuple[str, str]]:
 
 
 def wire_names(catalogue: Catalogue, name: str) -> dict[str, str]:
-    """The name on the wire of each field of ROS 1's form of a type: ROS 2's name where it has another one."""
+    """Return the name on the wire of each field of a ROS 1 type: ROS 2's name if that differs."""
     ros2 = {field.name for field in catalogue.message(name, 2).fields}
     found = {}
     for field in catalogue.message(name).fields:
@@ -281,7 +283,7 @@ def _compiled(lines: list[str], names: dict[str, Any], name: str) -> Callable[[A
 
 
 def _text(value: Any) -> str:
-    """A text, with the exceptions of ROS 1 for what is none."""
+    """Return a text; raises ROS 1's exceptions for values that are not text."""
     len(value)
     text: bytes = value.encode("utf-8")
     return text.decode()
@@ -412,7 +414,7 @@ def _rounding(count: int) -> Callable[..., tuple[float, ...]]:
 
 
 def _coerced(values: Any, code: str) -> tuple[Any, ...]:
-    """Numbers as another type holds them; what a float32 cannot hold is infinite, as in every cast."""
+    """Convert numbers as a cast to another type does; a number too large for a float32 becomes infinite."""
     layout = f"<{len(values)}{code}"
     try:
         return struct.unpack(layout, struct.pack(layout, *values))

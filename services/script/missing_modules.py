@@ -1,4 +1,4 @@
-"""What to say about an import that is not provided."""
+"""Explains imports that are not available."""
 
 from __future__ import annotations
 
@@ -85,11 +85,11 @@ MODERN = {
     "urllib2": "urllib.request",
     "urlparse": "urllib.parse",
 }
-"""Modules of Python 2 under their names of today."""
+"""Python 3 names of Python 2 modules."""
 
 
 def explain_missing(name: str, place: str, workspace: Workspace | None) -> str:
-    """The text of the error for a module that is not there; ``place`` is the importing line, as ``arm.py:4``."""
+    """Return the error text for a missing module; ``place`` is the importing line, e.g. ``arm.py:4``."""
     top = name.partition(".")[0]
     if workspace is not None and (folder := workspace.package_path(top)) is not None:
         inner = name.partition(".")[2]

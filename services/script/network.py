@@ -1,4 +1,4 @@
-"""The nodes on the network as a script sees them: who publishes, reads and serves what."""
+"""The network's nodes as a script sees them: who publishes, subscribes to and serves what."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ _UNKNOWN = Origin("", False)
 
 
 class Network:
-    """Follows the liveliness tokens; its answers come from memory. ``update`` belongs to the node's thread.
+    """Follows the liveliness tokens and answers from memory. ``update`` belongs to the node's thread.
 
-    A sample may be taken before the token of its publisher, which came first, was looked at: ``origin`` looks then.
+    A sample may be read before its publisher's token, which arrived first, was processed: ``origin`` checks for it
+    then.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -28,10 +29,10 @@ class Network:
         self._entities: dict[str, Entity] = {}
         self._origins: dict[bytes, Origin] = {}
         self.version = 0
-        """Grows with each change."""
+        """Incremented at each change."""
 
     def update(self) -> bool:
-        """Follow what has changed; whether something has since the last call."""
+        """Process changes; return whether there were any since the last call."""
         self._follow()
         before, self._noticed = self._noticed, self.version
         return self.version != before
@@ -54,30 +55,32 @@ class Network:
                 self._origins[publisher] = Origin(entity.node, entity.detail == "LATCHED")
 
     def refresh(self) -> None:
-        """Ask for the tokens again, for one that was missed while links came up."""
+        """Query the tokens again, for one that was missed while links came up."""
         with self._following:
             self._watch.refresh()
 
     def origin(self, publisher: bytes) -> Origin:
-        """Where the samples of a publisher come from."""
+        """Return the source of a publisher's samples."""
         if (known := self._origins.get(publisher)) is None:
             self._follow()
             known = self._origins.get(publisher, _UNKNOWN)
         return known
 
     def ends(self, kind: str, name: str) -> list[str]:
-        """The nodes that publish (``pub``), read (``sub``) or serve (``srv``) a name, sorted."""
+        """Return the nodes that publish (``pub``), subscribe to (``sub``) or serve (``srv``) a name, sorted."""
         with self._lock:
             return sorted({each.node for each in self._entities.values() if each.kind == kind and each.name == name})
 
     def server(self, name: str) -> Entity | None:
-        """The server of a name."""
+        """Return the server of a name; None without one."""
         with self._lock:
             found = [each for each in self._entities.values() if each.kind == "srv" and each.name == name]
         return min(found, key=lambda each: (each.node, each.session), default=None)
 
     def other_types(self, own: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-        """The topics of ``own``, with their types, that another node publishes or reads as another type, and which."""
+        """Return the topics of ``own``, given with their types, that another node uses with another type, and that
+        type.
+        """
         with self._lock:
             ends = [each for each in self._entities.values() if each.kind in ("pub", "sub") and each.name in own]
         return {
@@ -87,7 +90,7 @@ class Network:
         }
 
     def entries(self) -> list[GraphEntry]:
-        """All publications, subscriptions and services."""
+        """Return all publications, subscriptions and services."""
         with self._lock:
             ends = [each for each in self._entities.values() if each.kind in ("pub", "sub", "srv")]
         return sorted(
@@ -95,19 +98,19 @@ class Network:
         )
 
     def nodes(self) -> list[str]:
-        """The full names of all nodes, without those of tools, which begin with an underscore."""
+        """Return the full names of all nodes, without those of tools, which begin with an underscore."""
         with self._lock:
             names = {each.node for each in self._entities.values() if each.kind == "node"}
         return sorted(each for each in names if not each.rpartition("/")[2].startswith("_"))
 
     def sessions(self, node: str) -> list[str]:
-        """The sessions of the processes that have a node of this name."""
+        """Return the sessions of the processes that have a node of this name."""
         with self._lock:
             return sorted(
                 {each.session for each in self._entities.values() if each.kind == "node" and each.node == node}
             )
 
     def steppers(self) -> set[str]:
-        """The nodes that are ready to step: all that they declared before is known."""
+        """Return the nodes that are ready to step: everything that they declared before is known."""
         with self._lock:
             return {each.node for each in self._entities.values() if each.kind in ("step", "ready")}

@@ -1,4 +1,4 @@
-"""The thread that serves the node of a script: heartbeat, requests, tokens and time."""
+"""The thread that runs a script's node: heartbeat, requests, tokens and time."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ from services.script.turns import TurnThreads
 
 _read_properties = decoder(WorldProperties)
 READY_S = 5.0
-"""Time [s] of the script's own after which one that has not waited for anything counts as ready: as on an idle machine,
-however long the others keep it from running."""
+"""Time [s] of the script's own after which it counts as ready even if it has not waited for anything.
+
+Excludes the time in which other processes keep it from running, as if the machine were idle.
+"""
 STOP_S = 2.0
-"""Wall time [s] that the end of the loop may take."""
+"""Wall time [s] to wait for the end of the loop."""
 PEERS_S = 20.0
-"""Wall time [s] that the tokens of the other members may take at the first tick; only one that has died has none."""
+"""Wall time [s] to wait for the tokens of the other members at the first tick; only a member that has died has none."""
 _HURRY_S = 0.005
 
 
 class NodeOwner(Protocol):
-    """What the loop needs of the kernel that owns it."""
+    """The loop's interface to the kernel that owns it."""
 
     clock: ScriptClock
     lock_node: AbstractContextManager[Any]
@@ -46,28 +48,30 @@ class NodeOwner(Protocol):
 
 
 class SteppingOwner(NodeOwner, Protocol):
-    """What the loop of lockstep needs of the kernel."""
+    """The lockstep loop's interface to the kernel."""
 
     turns: TurnThreads
 
     def roster_seen(self, roster: tuple[str, ...]) -> bool:
-        """Whether all that these nodes declared before they were ready is known."""
+        """Return whether everything that these nodes declared before they were ready is known."""
         ...
 
     def admit(self, reset: bool) -> None:
-        """Hand the messages, calls and changes of this tick to the threads that they are for."""
+        """Pass the messages, calls and changes of this tick to their threads."""
         ...
 
     def send_early(self) -> None:
-        """Send what was published before the first tick."""
+        """Send the messages published before the first tick."""
         ...
 
     def idle_until(self) -> int:
-        """The time [ns] before which there is nothing to do unless a message comes; 0 if there may be at any tick."""
+        """Return the time [ns] before which nothing is due unless a message arrives; 0 if there may be at any tick."""
         ...
 
     def announce(self, final: bool = False) -> None:
-        """Tell the other scripts what this one publishes, reads and serves, if that has changed."""
+        """Announce this script's publications, subscriptions and services to the other scripts, if
+        they have changed.
+        """
         ...
 
 
@@ -79,16 +83,16 @@ class NodeLoop(Protocol):
         ...
 
     def declare_ready(self) -> None:
-        """The script has declared what it declares at its start."""
+        """Declare that the script's initial declarations are complete."""
         ...
 
     def stop(self) -> None:
-        """End it, and send what is still held back."""
+        """Stop the thread, and send what is still held back."""
         ...
 
 
 class RealTimeLoop:
-    """Follows ``/clock``, or nothing with wall time; messages go straight to the threads of their topics."""
+    """Follows ``/clock``, or nothing with wall time; messages go directly to the threads of their topics."""
 
     def __init__(self, kernel: NodeOwner, node: Node) -> None:
         self._kernel, self._node = kernel, node
@@ -133,7 +137,7 @@ class RealTimeLoop:
                 self._watchdog.check()
 
     def _follow_factor(self) -> None:
-        """Ask the simulation, once, how fast its time goes."""
+        """Query the speed of simulation time from the simulation, once."""
         if self._properties is None:
             key = key_of(WORLD_PROPERTIES.name)
             self._properties = self._node.transport.query_async(key, encode(Empty()), STOP_S)
@@ -154,7 +158,7 @@ class RealTimeLoop:
 class LockstepLoop:
     """Steps with the simulation: at each of its ticks the script's threads take their turns.
 
-    It joins when the script waits for the first time, or ends: by then it has declared its inputs.
+    It joins when the script first waits, or ends: by then the script has declared its subscriptions.
     """
 
     def __init__(self, kernel: SteppingOwner, node: Node) -> None:
@@ -190,7 +194,7 @@ class LockstepLoop:
             self._kernel.announce()
             pacer = LockstepPacer(self._node, period_of(self._kernel.rate, True), reports_reads=True)
             pacer.start()
-        self._pacer = pacer  # kept: with it goes the token that makes this node a member
+        self._pacer = pacer  # kept: closing it removes the token that makes this node a member
         try:
             while not self._done():
                 self._spin()
@@ -210,7 +214,7 @@ class LockstepLoop:
                     pacer.close()
 
     def _done(self) -> bool:
-        """Whether the script has ended; what it sent counts once a tick has reported it."""
+        """Return whether the script has ended; its messages count once a tick has reported them."""
         return self._left or (self._stopping and self._hurried)
 
     def _tick(self, pacer: LockstepPacer, instant: Instant) -> None:
@@ -232,7 +236,9 @@ class LockstepLoop:
             pacer.finish(leaving=self._left, idle_until=0 if self._stopping else self._kernel.idle_until())
 
     def _await_peers(self, roster: tuple[str, ...]) -> None:
-        """See everything that the other members declared before they were ready; it comes a moment later at most."""
+        """Wait for everything that the other members declared before they were ready, which may
+        arrive slightly later.
+        """
         deadline = time.monotonic() + PEERS_S
         while not self._kernel.roster_seen(roster) and time.monotonic() < deadline:
             self._spin()
@@ -245,12 +251,12 @@ class LockstepLoop:
 
 
 class OwnTime:
-    """Wall time since it was made, without that in which ``thread`` was ready to run and others had the processor.
+    """Wall time since creation, without the time in which ``thread`` was ready to run and waited for a processor.
 
     Args:
-        thread: One of this process.
+        thread: A thread of this process.
         now: The wall clock [s].
-        delay: How long the thread has waited for a processor so far [s].
+        delay: Returns how long the thread has waited for a processor so far [s].
     """
 
     def __init__(
@@ -263,13 +269,13 @@ class OwnTime:
         self._began, self._delayed = self._now(), self._delay(thread)
 
     def exceeds(self, seconds: float) -> bool:
-        """Whether more than that has passed."""
+        """Return whether more than ``seconds`` have passed."""
         elapsed = self._now() - self._began
         return elapsed > seconds and elapsed - (self._delay(self._thread) - self._delayed) > seconds
 
 
 def run_delay(thread: threading.Thread) -> float:
-    """How long a thread has waited for a processor so far [s]; 0 where the system, unlike Linux, does not report it."""
+    """Return how long a thread has waited for a processor [s]; 0 on systems that, unlike Linux, do not report it."""
     try:
         return int(Path(f"/proc/self/task/{thread.native_id}/schedstat").read_text().split()[1]) / 1e9
     except (OSError, ValueError, IndexError):

@@ -1,4 +1,4 @@
-"""OpenCV's windows where there are none: a script shows its images to nobody, and goes on."""
+"""Replaces OpenCV's windows where none can be opened: a script's images are not shown, and it goes on."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _SILENT = (
     "namedWindow moveWindow resizeWindow destroyWindow destroyAllWindows setWindowTitle setWindowProperty "
     "startWindowThread setMouseCallback createTrackbar setTrackbarPos setTrackbarMin setTrackbarMax"
 )
-"""Functions of windows without a meaningful result."""
+"""Window functions without a meaningful result."""
 
 
 def has_windows(cv2: ModuleType, environment: Mapping[str, str]) -> bool:
-    """Whether this OpenCV can open a window on this machine."""
+    """Return whether this OpenCV can open a window on this machine."""
     if sys.platform == "linux" and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
         return False
     built = getattr(cv2, "getBuildInformation", lambda: "")()
@@ -26,7 +26,7 @@ def has_windows(cv2: ModuleType, environment: Mapping[str, str]) -> bool:
 
 
 def without_windows(cv2: ModuleType, sleep: Callable[[float], Any]) -> None:
-    """Replace the functions of windows: ``waitKey`` waits and no key is pressed, ``imshow`` says once what is missing.
+    """Replace the window functions: ``waitKey`` waits and returns no key, ``imshow`` reports once what is missing.
 
     Args:
         cv2: OpenCV, changed in place.
@@ -51,6 +51,6 @@ def without_windows(cv2: ModuleType, sleep: Callable[[float], Any]) -> None:
 
 
 def adapt(cv2: ModuleType, sleep: Callable[[float], Any]) -> None:
-    """Give a script's OpenCV windows that are not there, where no real one can be."""
+    """Replace OpenCV's windows for a script if none can be opened."""
     if not has_windows(cv2, os.environ):
         without_windows(cv2, sleep)

@@ -1,4 +1,4 @@
-"""A script's view of the tree of ROS 1's parameters: a copy of the parameter service's that follows it."""
+"""A script's view of the ROS 1 parameter tree: a copy that follows the parameter service's."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from services.runtime.parameters.tree import ParameterTree, checked_value, value
 from services.script.api import Input, Origin, ServiceRefused, ServiceUnavailable
 
 AWAIT_S = 10.0
-"""Wall time [s] that the first look at the tree waits for a parameter service that is expected."""
+"""Wall time [s] that the first access waits for a parameter service that is expected."""
 SIGHT_S = 0.25
-"""Wall time [s] that it looks for one that is not: while links come up, it may be invisible for a moment."""
+"""Wall time [s] that it looks for one that is not expected, which may be invisible while links come up."""
 _PAUSE_S = 0.02
 _read_tree = decoder(RosparamTree)
 _read_value = decoder(RosparamValue)
 
 
 class TreeKernel(Protocol):
-    """What the tree needs of a script's kernel."""
+    """The tree's interface to a script's kernel."""
 
     lockstep: bool
 
@@ -41,7 +41,7 @@ class TreeKernel(Protocol):
 
 
 class _Write(NamedTuple):
-    """A change of this script's: its number, the key, and the value, unless it deletes."""
+    """A change by this script: its number, the key, and the value, unless it deletes."""
 
     number: int
     key: str
@@ -50,15 +50,15 @@ class _Write(NamedTuple):
 
 
 class SharedParameters:
-    """``services.script.api.Parameters``: reads from a copy, which the published tree replaces; writes through.
+    """``services.script.api.Parameters``: reads from a copy of the published tree, and writes through.
 
-    Own writes are seen at once: those that a published tree does not have yet are made again on top of it. Without a
-    parameter service the script has a tree of its own, which the service gets should it appear. One that restarts with
-    an empty tree gets this script's own values again.
+    Own writes are visible at once: those that a published tree does not contain yet are applied again on top of it.
+    Without a parameter service the script has its own tree, which is sent to the service if it appears. One that
+    restarts with an empty tree gets this script's values again.
 
     Args:
         kernel: The script's kernel.
-        writer: Gives the name under which changes are counted, that of the node, asked when the first look connects.
+        writer: Returns the name under which changes are counted, that of the node; called at the first access.
         expected: Whether a parameter service runs or will start.
     """
 
@@ -75,13 +75,13 @@ class SharedParameters:
         self._own: dict[str, _Write] = {}
 
     def get(self, key: str) -> Any:
-        """The value, or the dict of an inner node; raises KeyError."""
+        """Return the value, or the dict of an inner node; raises KeyError."""
         self._connect()
         with self._state:
             return self._tree.get(key)
 
     def set(self, key: str, value: Any) -> None:
-        """Set a value or, with a dict, a whole branch; raises BadInput for what is not a parameter."""
+        """Set a value or, with a dict, a whole branch; raises BadInput for an invalid parameter."""
         checked = checked_value(key, value)
         if not key.strip("/") and not isinstance(checked, dict):
             raise BadInput("/: the root of the tree takes a map of names to values alone")
@@ -98,19 +98,19 @@ class SharedParameters:
         self._write(key, None, deletes=True)
 
     def has(self, key: str) -> bool:
-        """Whether there is a value or branch."""
+        """Return whether there is a value or branch."""
         self._connect()
         with self._state:
             return self._tree.has(key)
 
     def search(self, namespace: str, key: str) -> str | None:
-        """The nearest key of this name, from the namespace upwards."""
+        """Return the nearest key of this name, from the namespace upwards."""
         self._connect()
         with self._state:
             return self._tree.search(namespace, key)
 
     def names(self) -> list[str]:
-        """The names of all values, in the order in which they were set."""
+        """Return the names of all values, in the order in which they were set."""
         self._connect()
         with self._state:
             return self._tree.names()
@@ -131,7 +131,7 @@ class SharedParameters:
             self._input = self._kernel.subscribe(ROSPARAM_TREE.name, RosparamTree.ROS_TYPE, self._receive)
 
     def _fetch(self) -> None:
-        """Take the tree as it is now."""
+        """Fetch the current tree."""
         try:
             reply = _read_value(self._call(ROSPARAM_GET, RosparamGet(key="/", writer=self._writer)))
         except (ServiceUnavailable, ServiceRefused, WrongPayload):
@@ -164,7 +164,7 @@ class SharedParameters:
             self._fetch()
             raise BadInput(str(error)) from None
         except ServiceUnavailable:
-            return  # It gets the value when it is back.
+            return  # The service gets the value when it is back.
 
     def _send(self, write: _Write) -> None:
         now = self._time()
@@ -179,7 +179,7 @@ class SharedParameters:
             )
 
     def _time(self) -> int | None:
-        """The time of a change [ns] in lockstep: 0 before time has begun, and more from then on."""
+        """Return the time of a change [ns] in lockstep: 0 before time has begun, positive afterwards."""
         if not self._kernel.lockstep:
             return None
         return max(1, self._kernel.now()) if self._kernel.time_has_begun else 0
@@ -188,7 +188,7 @@ class SharedParameters:
         return self._kernel.call(request.name, request.request_type.ROS_TYPE, encode(message))
 
     def _receive(self, payload: bytes, _: Origin) -> None:
-        """Take the published tree, with the own changes on it that it does not have yet."""
+        """Replace the tree by the published one, with the script's own changes that it does not contain yet."""
         try:
             news = _read_tree(payload)
             tree = ParameterTree.from_json(news.tree)
@@ -197,7 +197,7 @@ class SharedParameters:
         done = next((each.number for each in news.writers if each.node == self._writer), 0)
         with self._state:
             if not self._revision and news.revision < self._fetched:
-                return  # It was sent before the tree was fetched.
+                return  # It was published before the tree was fetched.
             restarted = not self._shared or news.revision < self._revision
             self._pending = list(self._own.values()) if restarted else [e for e in self._pending if e.number > done]
             for each in self._pending:

@@ -1,4 +1,4 @@
-"""Python 2 as Python 3: conversion of a source text with fissix, which continues lib2to3, line by line where it was."""
+"""Converts Python 2 source to Python 3 with fissix, which continues lib2to3; every line keeps its number."""
 
 from __future__ import annotations
 
@@ -47,21 +47,21 @@ _FIXERS = (
     "xrange",
     "zip",
 )
-"""Those that keep all lines where they are; ``reduce`` and its like are given to the script as builtins."""
+"""Fixers that keep all lines in place; ``reduce`` and similar functions are provided as builtins."""
 
 _LEFTOVERS = re.compile(r"\.has_key\(|\.iter(?:items|keys|values)\(|^\s*print\s*>>", re.MULTILINE)
-"""What only Python 2 has, in a text that Python 3 can parse as well."""
+"""Matches code that only works in Python 2, in a text that Python 3 can parse as well."""
 _TAB = 8
 _QUOTES = re.compile(r"\"\"\"|'''|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'|#[^\n]*")
 
 
 def looks_like_python2(source: str) -> bool:
-    """Whether a text that Python 3 parses has methods or statements that only Python 2 has."""
+    """Return whether a text that Python 3 parses uses methods or statements of Python 2 only."""
     return _LEFTOVERS.search(source) is not None
 
 
 def convert(source: str, name: str) -> str:
-    """The text in Python 3; raises SyntaxError when it is not Python 2 either."""
+    """Convert the text to Python 3; raises SyntaxError if it is not Python 2 either."""
     text = source if source.endswith("\n") else source + "\n"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -80,7 +80,7 @@ def convert(source: str, name: str) -> str:
 
 
 def expand_tabs(source: str) -> str:
-    """Tabs in the indentation of lines as Python 2 reads them, up to the next multiple of 8; texts keep theirs."""
+    """Expand tabs in indentation as Python 2 does, to multiples of 8; those in string literals stay."""
     lines, closing = [], ""
     for line in source.splitlines(keepends=True):
         if closing:
@@ -93,7 +93,7 @@ def expand_tabs(source: str) -> str:
 
 
 def _open_text(line: str, closing: str) -> str:
-    """The quotes that end the text which is open at the end of a line; empty if none is."""
+    """Return the quotes that would end the string open at the end of a line; empty if none is."""
     place = 0
     while True:
         if closing:
@@ -114,7 +114,7 @@ def _refactoring() -> Any:
     from fissix.refactor import RefactoringTool
 
     class Quiet(RefactoringTool):  # type: ignore[misc]
-        """Without its remarks on a logger."""
+        """A RefactoringTool that logs nothing."""
 
         def log_message(self, msg: Any, *args: Any) -> None:
             pass

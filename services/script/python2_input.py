@@ -1,6 +1,6 @@
-"""Tells a Python 2 program that Python 3 can parse by what it does with ``input()``, which evaluated what was typed.
+"""Recognizes Python 2 programs that Python 3 can parse by their use of ``input()``, which evaluated the typed text.
 
-A program of Python 3 converts the text. One that computes with it as it comes would only raise TypeError there.
+A Python 3 program converts the text. One that computes with it directly would only raise TypeError there.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ _OF_NUMBERS = frozenset(
     ["abs", "atan2", "cos", "fabs", "hypot", "pow", "radians", "range", "round", "sin", "sqrt", "tan", "xrange"]
 )
 _FIELDS = frozenset(["x", "y", "z", "w", "theta"])
-"""Fields of messages that are numbers."""
+"""Numeric fields of messages."""
 _ORDERS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 
 
 def computes_with_input(tree: ast.Module, source: str) -> bool:
-    """Whether a program takes what ``input()`` returns for numbers, without a conversion."""
+    """Return whether a program uses the result of ``input()`` as a number without converting it."""
     if "python3" in source.partition("\n")[0]:
         return False
     functions = {each.name: each for each in ast.walk(tree) if isinstance(each, ast.FunctionDef)}
@@ -42,7 +42,7 @@ def computes_with_input(tree: ast.Module, source: str) -> bool:
 
 
 def _answers(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
-    """What is assigned from ``input()``, with the function or class that may use it."""
+    """Yield the names assigned from ``input()``, with the function or class that may use them."""
     scopes: list[ast.AST] = [tree, *(each for each in ast.walk(tree) if isinstance(each, ast.FunctionDef))]
     for scope in scopes:
         for node in ast.walk(scope):
@@ -53,7 +53,7 @@ def _answers(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
 
 
 def _use(node: ast.AST, name: str) -> str:
-    """The type that a use of a name implies: "number", "text", or "" for neither."""
+    """Return the type that a use of a name implies: "number", "text", or "" for neither."""
     match node:
         case ast.Call(func=ast.Attribute(value=value)) if _is(value, name):
             return "text"
@@ -87,7 +87,7 @@ def _use(node: ast.AST, name: str) -> str:
 def _passed_on(
     node: ast.AST, name: str, functions: dict[str, ast.FunctionDef]
 ) -> Iterator[tuple[ast.FunctionDef, str]]:
-    """The parameters of the program's own functions that get it."""
+    """Yield the parameters of the program's own functions to which it is passed."""
     if not isinstance(node, ast.Call):
         return
     called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
@@ -105,7 +105,7 @@ def _is(node: ast.AST, name: str) -> bool:
 
 
 def _is_product(node: ast.AST, name: str) -> bool:
-    """Whether an operand is the name, or the name times something."""
+    """Return whether an operand is the name, or a product with it."""
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
         return _is_product(node.left, name) or _is_product(node.right, name)
     return _is(node, name)

@@ -1,6 +1,7 @@
-"""The ``.cfg`` files of dynamic_reconfigure: Python that describes parameters to a generator, run without a build.
+"""Reads the ``.cfg`` files of dynamic_reconfigure: Python that describes parameters to a generator, run without a
+build.
 
-A file is executed as it stands, with the generator below in place of ROS's, and gives the names of the module that a
+A file is executed unchanged, with the generator below in place of ROS's, and yields the names of the module that a
 build would have written: ``config_description``, ``defaults``, ``min``, ``max``, ``level``, ``type`` and constants.
 """
 
@@ -30,7 +31,7 @@ _C_CONSTANTS = {STR: "const char * const", BOOL: "const bool", INT: "const int",
 _NAME = re.compile(r"[a-zA-Z][a-zA-Z0-9_]*")
 
 MAX_BYTES = 1 << 20
-"""Of a ``.cfg`` file."""
+"""Maximum size of a ``.cfg`` file."""
 
 
 class BadConfig(BadInput):
@@ -38,7 +39,7 @@ class BadConfig(BadInput):
 
 
 class Constant(NamedTuple):
-    """A choice of a parameter that is edited by an enum: its name, its value, and what it means."""
+    """A choice of an enum parameter: its name, its value, and its description."""
 
     name: str
     value: Any
@@ -52,7 +53,7 @@ class _Generated(NamedTuple):
 
 
 class ParameterGroup:
-    """A group of parameters, and of groups; what a ``.cfg`` file calls ``gen`` or gets from ``add_group``."""
+    """A group of parameters and groups: ``gen`` in a ``.cfg`` file, or the result of ``add_group``."""
 
     def __init__(
         self,
@@ -122,11 +123,11 @@ class ParameterGroup:
         )
 
     def get_parameters(self) -> list[dict[str, Any]]:
-        """The parameters of this group and of all inside it."""
+        """Return the parameters of this group and all groups inside it."""
         return [*self.parameters, *(each for group in self.groups for each in group.get_parameters())]
 
     def to_dict(self) -> dict[str, Any]:
-        """The group as the module's ``config_description`` has it."""
+        """Return the group as in the module's ``config_description``."""
         classes = [each.upper() for each in self._path()]
         return {
             "name": self.name,
@@ -151,21 +152,21 @@ class ParameterGroup:
 
 
 class ParameterGenerator:
-    """Stands for ROS's generator: it keeps what the file describes, and writes nothing."""
+    """Replaces ROS's generator: it stores what the file describes, and writes nothing."""
 
     Group = ParameterGroup
     generated: ClassVar[list[_Generated]] = []
-    """Of the file that is executed; ``config_modules`` empties it."""
+    """The results of the file being executed; cleared by ``config_modules``."""
     file = ""
     groups = 0
-    """The groups inside the default one; a class that inherits need not call the constructor."""
+    """Number of groups inside the default one; a class attribute, since subclasses need not call the constructor."""
 
     def __init__(self) -> None:
         self.group = ParameterGroup(self, "Default", "", True, 0, None)
         self.constants: list[dict[str, Any]] = []
 
     def place(self) -> dict[str, Any]:
-        """The line of the file that is being executed."""
+        """Return the line of the file being executed."""
         frame: FrameType | None = sys._getframe(1)
         while frame is not None and frame.f_code.co_filename != self.file:
             frame = frame.f_back
@@ -189,14 +190,14 @@ class ParameterGenerator:
         return made
 
     def enum(self, constants: list[dict[str, Any]], description: str) -> str:
-        """The ``edit_method`` of a parameter that takes one of the constants."""
+        """Return the ``edit_method`` of a parameter whose value is one of the constants."""
         if len({each["type"] for each in constants}) != 1:
             raise ValueError("the constants of an enum are of different types, or there are none")
         _check_quotes(description)
         return repr({"enum": constants, "enum_description": description})
 
     def add(self, *args: Any, **more: Any) -> None:
-        """Describe a parameter of no group."""
+        """Describe a parameter of the default group."""
         self.group.add(*args, **more)
 
     def add_group(self, name: str, type: str = "", state: bool = True) -> ParameterGroup:  # noqa: A002 - ROS's name
@@ -204,13 +205,13 @@ class ParameterGenerator:
         return self.group.add_group(name, type, state)
 
     def generate(self, pkgname: str, nodename: str, name: str) -> int:
-        """Hand over what was described; 0, which files give to ``exit``."""
+        """Store the description; return 0, which files pass to ``exit``."""
         ParameterGenerator.generated.append(_Generated(name, self.group, tuple(self.constants)))
         return 0
 
 
 class SensorLevels:
-    """The levels of the package driver_base, which older files use."""
+    """The levels of the package driver_base, used by older files."""
 
     RECONFIGURE_CLOSE, RECONFIGURE_STOP, RECONFIGURE_RUNNING = 3, 1, 0
 
@@ -223,20 +224,22 @@ GENERATOR_NAMES: dict[str, Any] = {
     "double_t": DOUBLE,
     "SensorLevels": SensorLevels,
 }
-"""What ``from dynamic_reconfigure.parameter_generator_catkin import *`` brings."""
+"""The names that ``from dynamic_reconfigure.parameter_generator_catkin import *`` imports."""
 
 
 def config_module(path: Path, name: str = "") -> dict[str, Any]:
-    """The names of the module that a build would write of a ``.cfg`` file; raises BadConfig, with file and line.
+    """Return the names of the module that a build would write for a ``.cfg`` file; raises BadConfig, with file and
+    line.
 
-    Of a file that generates several, it is the one called ``name`` (``TutorialsConfig``), or as the file, or the first.
+    If the file generates several, return the one called ``name`` (``TutorialsConfig``), or named like the file, or the
+    first.
     """
     found = config_modules(path)
     return found.get(name) or found.get(f"{path.stem}Config") or next(iter(found.values()))
 
 
 def config_modules(path: Path) -> dict[str, dict[str, Any]]:
-    """The modules that a build would write of a ``.cfg`` file, by their names (``TutorialsConfig``).
+    """Return the modules that a build would write for a ``.cfg`` file, by name (``TutorialsConfig``).
 
     Raises BadConfig, with file and line.
     """
@@ -247,7 +250,7 @@ def config_modules(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def extract_params(group: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """All parameters of a group's description, or of a decoded one, whose groups are a dict."""
+    """Return all parameters of a group's description, or of a decoded one, whose groups are a dict."""
     inner: Iterable[Any] = group["groups"]
     if isinstance(inner, Mapping):
         inner = inner.values()
@@ -255,7 +258,7 @@ def extract_params(group: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def enum_constants(parameter: Mapping[str, Any]) -> tuple[Constant, ...]:
-    """The choices of a parameter that is edited by an enum; none for others."""
+    """Return the choices of an enum parameter; none for others."""
     text = parameter["edit_method"]
     if not text:
         return ()
@@ -294,7 +297,7 @@ def _module_names(path: Path, generated: _Generated) -> dict[str, Any]:
 
 
 def _execute(path: Path) -> list[_Generated]:
-    """Execute a file; what it handed to ``generate``."""
+    """Execute a file; return what it passed to ``generate``."""
     code = _compile(path)
     hooks = dict(vars(builtins)) | {"__import__": _import, "exit": _exit, "quit": _exit}
     argv, before = sys.argv, (ParameterGenerator.generated, ParameterGenerator.file)
@@ -314,7 +317,7 @@ def _execute(path: Path) -> list[_Generated]:
 
 
 def _compile(path: Path) -> CodeType:
-    """The code of a file, which may be written for Python 2."""
+    """Compile a file, which may be written for Python 2."""
     text = _read(path)
     try:
         code = compile(text, str(path), "exec", dont_inherit=True)
@@ -339,7 +342,7 @@ def _read(path: Path) -> str:
 
 
 def _import(name: str, *args: Any, **more: Any) -> Any:
-    """``__import__`` of a ``.cfg`` file: the generator is ours, and what only a build needs may be missing."""
+    """``__import__`` for a ``.cfg`` file: the generator is ours, and modules needed only by a build may be missing."""
     fromlist = (args[2] if len(args) > 2 else more.get("fromlist")) or ()
     if name in ("dynamic_reconfigure.parameter_generator_catkin", "dynamic_reconfigure.parameter_generator"):
         return _generator_package(name, bool(fromlist))
@@ -373,7 +376,7 @@ def _exit(code: object = None) -> None:
 
 
 def _where(path: Path, error: BaseException) -> str:
-    """The last place in the file that the error came through."""
+    """Return the innermost line of the file in the error's traceback."""
     lines = [each.lineno for each in traceback.extract_tb(error.__traceback__) if each.filename == str(path)]
     return f"{path}:{lines[-1]}" if lines else str(path)
 
@@ -385,7 +388,7 @@ def _reason(error: Exception) -> str:
 
 
 def _bound(name: str, paramtype: str, field: str, value: Any, otherwise: Mapping[str, Any]) -> Any:
-    """A value in its parameter's type, or what stands for none; raises TypeError."""
+    """Convert a default or bound to its parameter's type, or replace a missing one; raises TypeError."""
     if value is None:
         return otherwise[paramtype]
     expected: Any = _PYTHON_TYPES[paramtype]

@@ -1,4 +1,4 @@
-"""The parameters of a dynamic_reconfigure server as a parameter set of Elea: what panel and ``./elea param`` show."""
+"""Shows the parameters of a dynamic_reconfigure server as a parameter set in the panel and ``./elea param``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _read_tree = decoder(RosparamTree)
 
 
 class SetKernel(Protocol):
-    """What a set needs of a script's kernel."""
+    """The set's interface to a script's kernel."""
 
     def subscribe(
         self, name: str, ros_type: str, receive: Callable[[bytes, Origin], None], queue_size: int | None = None
@@ -39,7 +39,7 @@ class _Parameter(NamedTuple):
     choices: tuple[Constant, ...]
 
     def to_set(self, value: Any) -> Any:
-        """A value as the set has it: of an enum, the name of the constant; None where it has none."""
+        """Convert a value to the set's form: for an enum, the constant's name; None if it has none."""
         if self.choices and self.described.type == "str":
             return next((each.name for each in self.choices if each.value == value), None)
         if self.described.type == "float":
@@ -47,16 +47,16 @@ class _Parameter(NamedTuple):
         return {"int": int, "bool": bool, "str": str}[self.described.type](value)
 
     def from_set(self, value: Any) -> Any:
-        """The reverse of ``to_set``."""
+        """Undo ``to_set``."""
         if self.choices:
             return next((each.value for each in self.choices if each.name == value), value)
         return value
 
 
 class ReconfigureSet:
-    """Announces a set, pushes what ROS changes, and says what others change; does nothing without a service.
+    """Announces a set, pushes changes made in ROS, and reports changes by others; does nothing without a service.
 
-    What the script sets counts for the run only; what people set is saved, as in every set.
+    Values set by the script apply to the run only; values set by people are saved, as in every set.
 
     Args:
         kernel: The script's kernel.
@@ -64,7 +64,7 @@ class ReconfigureSet:
         name: The name of the set.
         description: The module's ``config_description``.
         changed: Called with the values that the panel, ``./elea param`` or a schedule has changed; returns the
-            configuration that counts.
+            configuration that applies.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class ReconfigureSet:
         self._lock: Any = kernel.lock()
         self._fleet: dict[str, Any] = {}
         self._wanted: dict[str, Any] = {}
-        """The values that the script has, as the set has them."""
+        """The script's values, in the set's form."""
         self._known: dict[str, Any] = {}
-        """The values of the set, as far as the service has answered and published."""
+        """The values of the set, as last received or pushed."""
         self._published: dict[str, Any] = {}
-        """The values of the last update in their order: what differs in the next, somebody has changed."""
+        """The values of the last update; what differs in the next one was changed by someone."""
         self._run: set[str] = set()
         """Parameters that are set for the run only."""
         self._own_revisions: set[int] = set()
@@ -92,14 +92,16 @@ class ReconfigureSet:
         self._inputs: list[Input] = []
 
     def announce(self, fleet: Mapping[str, Any]) -> dict[str, Any]:
-        """Announce the set, with the values that the launch gives; those that count, none without a service."""
+        """Announce the set, with the values from the launch file; return the effective values, none
+        without a service.
+        """
         self._fleet = dict(fleet)
         if self._kernel.service_type(PARAMS_ANNOUNCE.name) is None:
             return {}
         return self._announce({})
 
     def follow(self) -> None:
-        """Follow what others change."""
+        """Subscribe to changes by others."""
         updates = f"{self.name}/{UPDATES.name.removeprefix('~')}"
         self._inputs = [
             self._kernel.subscribe(updates, ParameterValues.ROS_TYPE, self._receive),
@@ -112,7 +114,7 @@ class ReconfigureSet:
             each.close()
 
     def push(self, config: Mapping[str, Any]) -> None:
-        """Let the set have the values of a configuration."""
+        """Push the values of a configuration to the set."""
         with self._lock:
             self._wanted = self._to_set(config)
             news = {name: value for name, value in self._wanted.items() if self._known.get(name) != value}
@@ -148,7 +150,7 @@ class ReconfigureSet:
         return self._from_set(self._known)
 
     def _receive(self, payload: bytes, _: Origin) -> None:
-        """An update of the set: what it changes, the configuration changes too, unless it was this script's own."""
+        """Apply an update of the set to the configuration, unless it was this script's own."""
         try:
             news = _read_values(payload)
         except WrongPayload:
@@ -170,7 +172,7 @@ class ReconfigureSet:
             self.push(config)
 
     def _see_service(self, payload: bytes, _: Origin) -> None:
-        """A parameter service that has come, or come again, knows nothing of the set yet."""
+        """Announce the set to a parameter service that has appeared or restarted."""
         try:
             revision = _read_tree(payload).revision
         except WrongPayload:
@@ -183,7 +185,7 @@ class ReconfigureSet:
             self.push(self._changed(values))
 
     def _run_values(self) -> dict[str, Any]:
-        """What a parameter service that knows nothing of the set cannot know from its file."""
+        """Return the values that a new parameter service cannot know from its file."""
         if self._known:
             return {name: value for name, value in self._known.items() if name in self._run}
         launched = self._to_set(self._fleet)
@@ -205,7 +207,7 @@ class ReconfigureSet:
 
 
 def _parameter(stated: Mapping[str, Any]) -> _Parameter:
-    """A parameter of a ``.cfg`` file, described as those of a set are."""
+    """Convert a parameter of a ``.cfg`` file to one of a set."""
     kind, choices = stated["type"], enum_constants(stated)
     low, high = (_bound(stated[each]) if kind in (INT, DOUBLE) else None for each in ("min", "max"))
     default = stated["default"]
@@ -243,7 +245,7 @@ def _run_names(news: ParameterValues) -> set[str]:
 
 
 def _bound(value: float) -> float | None:
-    """A number that a message carries; None for infinity, which is not a bound."""
+    """Return a finite number that a message can hold; None for infinity, which is not a bound."""
     return value if math.isfinite(value) and abs(value) <= LARGEST else None
 
 

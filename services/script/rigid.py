@@ -1,4 +1,4 @@
-"""Rigid transforms from foreign numbers: quaternions of any length and sign, in ROS 1's conventions."""
+"""Rigid transforms from external numbers: quaternions of any length and sign, in ROS 1's conventions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate
 
 
 def rigid(translation: Sequence[float], rotation: Sequence[float]) -> Pose3:
-    """The transform (x, y, z), (x, y, z, w); a quaternion of length 0, of a message not filled, is not a rotation."""
+    """Return the transform (x, y, z), (x, y, z, w); a quaternion of length 0 (empty message) is no rotation."""
     x, y, z, w = (float(each) for each in rotation)
     length = math.sqrt(x * x + y * y + z * z + w * w)
     turn = (x / length, y / length, z / length, w / length) if length > 0 else IDENTITY.orientation
@@ -18,22 +18,22 @@ def rigid(translation: Sequence[float], rotation: Sequence[float]) -> Pose3:
 
 
 def moved(transform: Pose3, point: Sequence[float]) -> Vector:
-    """A point of the inner frame in the outer one."""
+    """Return a point of the inner frame in the outer one."""
     x, y, z = turned(transform, point)
     a, b, c = transform.position
     return x + a, y + b, z + c
 
 
 def turned(transform: Pose3, vector: Sequence[float]) -> Vector:
-    """A free vector of the inner frame in the axes of the outer one."""
+    """Return a free vector of the inner frame in the axes of the outer one."""
     x, y, z = vector
     return rotate(transform.orientation, (x, y, z))
 
 
 def as_matrices_give(rotation: Rotation) -> Rotation:
-    """The one of the two quaternions of a rotation that a conversion from its matrix yields.
+    """Return the one of a rotation's two quaternions that a conversion from its matrix yields.
 
-    ROS 1 goes by matrices: the scalar part is positive where it exceeds 1/2, else the largest of the others is.
+    As in ROS 1: the scalar part is positive if it exceeds 1/2, otherwise the largest of the others is.
     """
     lead = rotation[3] if rotation[3] * rotation[3] > 0.25 else max(rotation[:3], key=abs)
     x, y, z, w = rotation
@@ -41,7 +41,7 @@ def as_matrices_give(rotation: Rotation) -> Rotation:
 
 
 def rotation_vector(rotation: Rotation) -> Vector:
-    """The axis of a unit quaternion times its angle, in [0, pi] rad."""
+    """Return the axis of a unit quaternion times its angle, in [0, pi] rad."""
     x, y, z, w = rotation if rotation[3] >= 0 else tuple(-each for each in rotation)
     sine = math.sqrt(x * x + y * y + z * z)
     if sine < 1e-15:

@@ -16,7 +16,7 @@ _LENGTH = struct.Struct("<I")
 
 
 class Ros1Format:
-    """Writers and readers of message types, composed once for each.
+    """Writers and readers of message types, compiled once for each.
 
     Args:
         catalogue: The definitions.
@@ -30,7 +30,7 @@ class Ros1Format:
         self._readers: dict[str, list[tuple[str, Read]]] = {}
 
     def writer(self, name: str) -> Callable[[Any], bytes]:
-        """A function from messages of a type to bytes, which raises struct.error and what attributes raise."""
+        """Return a function that encodes messages of a type; it raises struct.error and the errors of attributes."""
 
         def write(message: Any) -> bytes:
             out = bytearray()

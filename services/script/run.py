@@ -1,4 +1,4 @@
-"""Run a script as the main program: its kernel, its signals, its end."""
+"""Runs a script as the main program: its kernel, its signals, its end."""
 
 from __future__ import annotations
 
@@ -39,18 +39,21 @@ from services.script.workspace import Workspace, workspace_of
 ROS_COMMANDS = ROOT / "deploy" / "ros1_commands" / "bin"
 """The commands of ROS 1 under their names."""
 NOTICE_S = 0.7
-"""Wall time [s] after the hooks in which the main thread must notice the shutdown; then it is interrupted."""
+"""Wall time [s] after the hooks in which the main thread must notice the shutdown before it is interrupted."""
 LEAVE_S = 10.0
-"""Wall time [s] that a script which has noticed the shutdown may take for the rest of its work."""
+"""Wall time [s] for a script that has noticed the shutdown to complete its work."""
 SWITCH_S = 0.0005
-"""Wall time [s] after which a computing thread lets another one run. The network's thread asks for each token and each
-message: with Python's 5 ms, a script that imports its libraries kept it from accepting links for seconds."""
+"""Wall time [s] after which a computing thread lets another one run.
+
+The network's thread needs it for each token and each message: with Python's 5 ms, a script that imports its libraries
+kept it from accepting links for seconds.
+"""
 HOOKS_S = 5.0
-"""Wall time [s] that the hooks of the shutdown may take at a signal; what they wait for is then ended."""
+"""Wall time [s] for the shutdown hooks after a signal; their waits are then ended."""
 STILL_S = 1.5
 """Wall time [s] without a change of time after which hooks stop waiting for it: the simulation may have ended first."""
 _LATE_LOOKS = 4
-"""Looks or waits after which a script that was asked to end is taken to go on with its loop."""
+"""Checks or waits after which a script that was asked to end is assumed to continue its loop."""
 _INTERRUPTS = 3
 _NO_FLEET = (
     "start a fleet with ./elea up, which is joined as soon as it runs; --wall-time runs the script without a simulation"
@@ -58,7 +61,7 @@ _NO_FLEET = (
 
 
 def run_script(options: dict[str, Any]) -> int:
-    """Run it; returns its exit status."""
+    """Run the script; return its exit status."""
     file = Path(os.path.abspath(options["file"]))
     sys.setswitchinterval(SWITCH_S)
     kernel = ScriptKernel(
@@ -90,7 +93,7 @@ def run_script(options: dict[str, Any]) -> int:
 
 
 def _prepare(file: Path, options: dict[str, Any], workspace: Workspace) -> None:
-    """Make the process look as the script expects it: arguments, paths, environment."""
+    """Set up the process as the script expects it: arguments, paths, environment."""
     sys.argv = [options["file"], *options["args"]]
     if options["name"]:
         sys.argv.append(f"__name:={options['name']}")
@@ -106,11 +109,11 @@ def _prepare(file: Path, options: dict[str, Any], workspace: Workspace) -> None:
 
 
 def ros_environment(workspace: Workspace, router: str, environment: Mapping[str, str]) -> dict[str, str]:
-    """The variables of a shell of ROS 1: the ``rosrun`` or ``rosbag`` that a script starts is ours, in its fleet.
+    """Return the variables of a ROS 1 shell: ``rosrun`` or ``rosbag`` started by a script are ours, in its fleet.
 
     Args:
         workspace: The packages around the script.
-        router: The endpoint of the fleet's router, by whose port its commands choose the fleet.
+        router: The endpoint of the fleet's router, whose port selects the fleet for the commands.
         environment: The variables of the process.
     """
     path = [each for each in environment.get("PATH", "").split(os.pathsep) if each and each != str(ROS_COMMANDS)]
@@ -125,7 +128,7 @@ def ros_environment(workspace: Workspace, router: str, environment: Mapping[str,
 
 
 def _loader(file: Path, options: dict[str, Any], kernel: ScriptKernel, workspace: Workspace) -> ScriptLoader:
-    """What loads the script's own modules, with the modules and builtins that it gets in place of Python's."""
+    """Return the loader of the script's own modules, with the modules and builtins that replace Python's."""
     read_line: Callable[..., str] = input
     modules: dict[str, ModuleType] = {}
     if not options["wall_time"]:
@@ -163,8 +166,9 @@ def _nothing(name: str) -> None:
 
 
 def set_paths(folder: Path, packages: Sequence[Path] = ()) -> None:
-    """The script's folder first, then our ROS libraries, before those of an installed ROS, then the packages of its
-    workspace, and this project."""
+    """Set the import path: the script's folder, our ROS libraries, before those of an installed ROS, the packages of
+    its workspace, and this project.
+    """
     ours = [str(folder), str(SITE_PACKAGES), *map(str, packages)]
     rest = [each for each in sys.path if each not in (*ours, "")]
     if str(ROOT) not in rest:
@@ -183,7 +187,7 @@ def _transport(options: dict[str, Any]) -> Transport:
 
 
 def _warn_alone(router: str, wall_time: bool) -> None:
-    """Say that no router is there to meet others at; it is joined when it comes."""
+    """Warn that there is no router through which to meet other nodes; it is joined once it appears."""
     try:
         is_listening(endpoint(router), 0.2)
     except OSError as error:
@@ -192,12 +196,12 @@ def _warn_alone(router: str, wall_time: bool) -> None:
 
 
 class ScriptRun:
-    """A script that runs in the main thread, and its end: by itself, or because it was asked to."""
+    """A script running in the main thread, and its end: by itself, or because it was asked to."""
 
     def __init__(self, kernel: ScriptKernel, loader: ScriptLoader) -> None:
         self._kernel, self._loader = kernel, loader
         self.asked = self._over = self._running = False
-        """Whether it was asked to end, whether it has ended, and whether it has begun."""
+        """Whether it was asked to end, whether it has ended, and whether it is running."""
         self._status = 0
         kernel.end_process = self._end
 
@@ -207,7 +211,7 @@ class ScriptRun:
             signal.signal(number, self._on_signal)
 
     def run(self, file: Path) -> int:
-        """Run the file to its end, and what it wants done at its end; returns the exit status."""
+        """Run the file to its end, and its exit handlers; return the exit status."""
         self._status = self._execute(file)
         try:
             self._join_threads()
@@ -251,7 +255,7 @@ class ScriptRun:
         return 1
 
     def _join_threads(self) -> None:
-        """Wait for the script's own threads, as Python does at its end, unless they are daemons."""
+        """Wait for the script's own threads, except daemons, as Python does at its end."""
         for thread in threading.enumerate():
             if thread is not threading.main_thread() and not thread.daemon:
                 while thread.is_alive() and not self._kernel.shutting_down:
@@ -268,14 +272,14 @@ class ScriptRun:
         self._end(f"signal-{number}")
 
     def _end(self, reason: str) -> None:
-        """Ask the script to end, and insist."""
+        """Ask the script to end, and enforce it."""
         self.asked = True
         threading.Thread(target=self._insist, name="end", daemon=True).start()
         self._kernel.shut_down(reason)
         self._kernel.hurry()
 
     def _insist(self) -> None:
-        """Interrupt a main thread that does not notice that it is asked to end, and then end without it."""
+        """Interrupt a main thread that does not notice the request to end; end without it if necessary."""
         deadline, seen, since = time.monotonic() + HOOKS_S, -1, time.monotonic()
         while not self._kernel.hooks_done and (now := time.monotonic()) < min(deadline, since + STILL_S):
             if (shown := self._kernel.now()) != seen:
@@ -304,9 +308,9 @@ class ScriptRun:
 
 
 def _is_interruption(error: BaseException) -> bool:
-    """Whether an exception of a process that was asked to end only says that.
+    """Return whether an exception only reports that the process was asked to end.
 
-    Once it has shut down, a call of a service is refused as one without a server, as in ROS.
+    After shutdown, a service call is refused as if there were no server, as in ROS.
     """
     names = {kind.__name__ for kind in type(error).__mro__}
     if "ServiceException" in names:
@@ -315,7 +319,7 @@ def _is_interruption(error: BaseException) -> bool:
 
 
 def _print_traceback(error: BaseException) -> None:
-    """The traceback as Python would print it, without the lines of what loads the script."""
+    """Print the traceback as Python would, without the lines of the loader."""
     trace = traceback.TracebackException.from_exception(error)
     inner: traceback.TracebackException | None = trace
     while inner is not None:
@@ -325,5 +329,5 @@ def _print_traceback(error: BaseException) -> None:
 
 
 def _loads(file: str) -> bool:
-    """Whether a file is one of those that load the script."""
+    """Return whether a file belongs to the loader."""
     return file.startswith(("<frozen importlib", str(ROOT / "services" / "script") + os.sep)) or file == ast.__file__

@@ -1,4 +1,4 @@
-"""The modules ``time`` and ``datetime`` of a script, which follow simulation time where that is not wall time."""
+"""The modules ``time`` and ``datetime`` of a script, which follow simulation time unless that is wall time."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from types import ModuleType
 from typing import Any, Protocol
 
 BIRTH_NS = 1_577_836_800_000_000_000
-"""What ``time.time()`` is at simulation time 0 in lockstep, since 1970 [ns]: 2020-01-01 00:00 UTC."""
+"""The value of ``time.time()`` at simulation time 0 in lockstep, since 1970 [ns]: 2020-01-01 00:00 UTC."""
 
 
 class ScriptClockOwner(Protocol):
-    """What these modules need of the kernel."""
+    """These modules' interface to the kernel."""
 
     def now(self) -> int: ...
     def point(self, cost: float = 1.0) -> None: ...
     def pause(self, seconds: float) -> None:
-        """Wait so long in simulation time, without an error when the process ends or time is reset."""
+        """Wait in simulation time, without an error when the process ends or time is reset."""
         ...
 
     def rest(self, seconds: float) -> None:
-        """Wait so long in wall time."""
+        """Wait in wall time."""
         ...
 
 
 class ScriptTime:
-    """Time as ``time.time`` gives it: simulation time when ``follows()`` says so, else the system's."""
+    """The time of ``time.time``: simulation time if ``follows()``, else the system's."""
 
     def __init__(self, kernel: ScriptClockOwner, follows: Callable[[], bool], fixed: bool) -> None:
         self._kernel, self._follows = kernel, follows
@@ -36,7 +36,7 @@ class ScriptTime:
         self._offset: int | None = None
 
     def time_ns(self) -> int:
-        """Time since 1970 [ns]."""
+        """Return the time since 1970 [ns]."""
         self._kernel.point()
         if not self._follows():
             return real_time.time_ns()
@@ -45,7 +45,7 @@ class ScriptTime:
         return self._start + self._kernel.now()
 
     def elapsed_ns(self) -> int:
-        """Time since some moment [ns], for durations."""
+        """Return the time since an arbitrary moment [ns], for durations."""
         self._kernel.point()
         if not self._follows():
             return real_time.monotonic_ns()
@@ -65,7 +65,7 @@ class ScriptTime:
 
 
 def time_module(clock: ScriptTime) -> ModuleType:
-    """The module ``time`` on this clock."""
+    """Return the module ``time`` on this clock."""
     made = _copy(real_time)
 
     def on_now(convert: Callable[..., Any]) -> Callable[..., Any]:
@@ -92,22 +92,22 @@ def time_module(clock: ScriptTime) -> ModuleType:
 
 
 def datetime_module(clock: ScriptTime) -> ModuleType:
-    """The module ``datetime`` on this clock."""
+    """Return the module ``datetime`` on this clock."""
 
     class InstanceOfMoment(type):
-        """What is a date and time of the real module is one of this as well."""
+        """Makes instances of the real ``datetime`` instances of this class."""
 
         def __instancecheck__(cls, instance: object) -> bool:
             return isinstance(instance, real_datetime.datetime)
 
     class InstanceOfDay(type):
-        """The same for dates."""
+        """The same for ``date``."""
 
         def __instancecheck__(cls, instance: object) -> bool:
             return isinstance(instance, real_datetime.date)
 
     class Moment(real_datetime.datetime, metaclass=InstanceOfMoment):
-        """``datetime.datetime``, now on the script's clock."""
+        """``datetime.datetime`` whose now is on the script's clock."""
 
         @classmethod
         def now(cls, tz: Any = None) -> Any:
@@ -122,7 +122,7 @@ def datetime_module(clock: ScriptTime) -> ModuleType:
             return cls.fromtimestamp(clock.time_ns() / 1e9, real_datetime.UTC).replace(tzinfo=None)
 
     class Day(real_datetime.date, metaclass=InstanceOfDay):
-        """``datetime.date``, today on the script's clock."""
+        """``datetime.date`` whose today is on the script's clock."""
 
         @classmethod
         def today(cls) -> Any:

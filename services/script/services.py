@@ -1,4 +1,4 @@
-"""The services of a script, as ROS calls them: served by a worker thread each, called from any thread."""
+"""Services of a script, in ROS's sense: each served by its own worker thread, called from any thread."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from services.script.api import ServiceRefused, ServiceUnavailable
 from services.script.threads import Threads, Worker
 
 FOREVER_S = 86400.0
-"""Wall time [s] that a call waits without a timeout of its own; ROS's waits indefinitely."""
+"""Wall time [s] that a call without a timeout waits; in ROS it waits indefinitely."""
 
 _read_refusal = decoder(Refusal)
 
 
 class Owner(Protocol):
-    """What a service needs of the kernel that owns it."""
+    """A service's interface to the kernel that owns it."""
 
     threads: Threads
 
     def close_server(self, server: ServiceServer) -> None:
-        """End a service."""
+        """Close a service."""
         ...
 
 
@@ -42,7 +42,7 @@ class ServiceServer:
         self.worker: Worker = owner.threads.worker(name, self._work)
 
     def poll(self) -> None:
-        """Take the queries that have come, in the node's thread."""
+        """Read the queries received, in the node's thread."""
         while self.queries is not None and (query := self.queries.recv()) is not None:
             if query.key != self.name[1:]:
                 query.refuse(encode(Refusal(reason=f"asked of {query.key[:80]!r}, not of {self.name} alone")))
@@ -50,7 +50,7 @@ class ServiceServer:
             self.put(query.payload, query.reply, query.refuse)
 
     def put(self, payload: bytes, reply: Callable[[bytes], None], refuse: Callable[[bytes], None]) -> None:
-        """Queue one request and what answers it."""
+        """Queue a request, with the functions that answer and refuse it."""
         self._requests.append((payload, reply, refuse))
         self.worker.notify()
 
@@ -75,7 +75,7 @@ class ServiceServer:
 
 
 def read_answer(name: str, replies: Sequence[Reply]) -> bytes:
-    """The payload of the one answer; raises ServiceUnavailable, ServiceRefused."""
+    """Return the payload of the single answer; raises ServiceUnavailable, ServiceRefused."""
     answers = [each for each in replies if each.payload != TIMEOUT or each.ok]
     for each in answers:
         if each.ok:
@@ -87,7 +87,7 @@ def read_answer(name: str, replies: Sequence[Reply]) -> bytes:
 
 
 def read_reason(payload: bytes) -> str:
-    """The text of a refusal."""
+    """Return the text of a refusal."""
     try:
         return _read_refusal(payload).reason
     except WrongPayload:

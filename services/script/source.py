@@ -1,4 +1,4 @@
-"""The source of a script's own modules: read, converted if it is Python 2, and compiled with points in its loops."""
+"""The source of a script's own modules: read, converted if it is Python 2, and compiled with counted loops."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from services.script.inspect_script import read_script
 from services.script.python2_input import computes_with_input
 
 PASS = "__elea_pass__"
-"""The builtin that the head of each loop calls."""
+"""The builtin called at the head of each loop."""
 DIVIDE = "__elea_divide__"
-"""The builtin that divides in Python 2: two ints give an int."""
+"""The builtin that divides as in Python 2: two ints give an int."""
 _ENDLESS = frozenset({"count", "cycle", "repeat", "iter"})
 
 
 def compile_script(path: Path) -> CodeType:
-    """The code of a file; raises SyntaxError with the file's own line, BadInput for one that cannot be read."""
+    """Compile a file; raises SyntaxError with the file's own line, BadInput if it cannot be read."""
     tree, old = parse_script(path)
     tree = ast.fix_missing_locations(_Loops(old).visit(tree))
     with warnings.catch_warnings():
@@ -30,7 +30,7 @@ def compile_script(path: Path) -> CodeType:
 
 
 def parse_script(path: Path) -> tuple[ast.Module, bool]:
-    """The syntax tree of a file, and whether it was converted from Python 2; one line on stderr says so."""
+    """Return the syntax tree of a file, and whether it was converted from Python 2, which is reported on stderr."""
     source = read_script(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -60,7 +60,7 @@ def parse_script(path: Path) -> tuple[ast.Module, bool]:
 
 
 def _converted(source: str, path: Path, error: SyntaxError | None) -> ast.Module:
-    """The tree of a Python 2 text; raises the ``error`` of Python 3 when it is not Python 2 either."""
+    """Return the tree of a Python 2 text; raises ``error``, that of Python 3, if it is not Python 2 either."""
     try:
         tree = ast.parse(python2.convert(source, str(path)), str(path))
     except SyntaxError as other:
@@ -74,7 +74,7 @@ def _converted(source: str, path: Path, error: SyntaxError | None) -> ast.Module
 
 
 def _has_late_globals(tree: ast.Module, path: Path) -> bool:
-    """Whether a name is used above its ``global``, of which Python 2 only warned."""
+    """Return whether a name is used before its ``global``, for which Python 2 only warned."""
     if not any(isinstance(each, ast.Global) for each in ast.walk(tree)):
         return False
     try:
@@ -85,7 +85,7 @@ def _has_late_globals(tree: ast.Module, path: Path) -> bool:
 
 
 class _EarlyGlobals(ast.NodeTransformer):
-    """Moves ``global`` to the head of its function, and drops it from the module, where it says nothing."""
+    """Moves ``global`` to the head of its function, and drops it at module level, where it has no effect."""
 
     def __init__(self) -> None:
         self._found: list[ast.Global] = []
@@ -105,7 +105,7 @@ class _EarlyGlobals(ast.NodeTransformer):
 
 
 def _later(error: SyntaxError | None, other: SyntaxError, path: Path) -> SyntaxError:
-    """The one of two errors that came further: the other Python did not understand what stands before."""
+    """Return the error at the later line: the other Python version did not understand what precedes it."""
     found = other if error is None or (other.lineno or 0) > (error.lineno or 0) else error
     if found.lineno is None:
         return SyntaxError(found.msg, (str(path), 1, 0, ""))
@@ -117,7 +117,7 @@ def _note(path: Path, text: str) -> None:
 
 
 class _Loops(ast.NodeTransformer):
-    """Puts a call at the head of each loop that may have no end; in Python 2, ints divide as there."""
+    """Inserts a call at the head of each loop that may not end; for Python 2, replaces division."""
 
     def __init__(self, old: bool) -> None:
         self._old = old
@@ -157,7 +157,7 @@ class _Loops(ast.NodeTransformer):
 
 
 def divide(one: Any, two: Any) -> Any:
-    """``one / two`` in Python 2."""
+    """Return ``one / two`` as in Python 2."""
     return one // two if isinstance(one, int) and isinstance(two, int) else one / two
 
 

@@ -1,4 +1,4 @@
-"""What the node of a script does at the ticks of lockstep."""
+"""The actions of a script's node at the ticks of lockstep."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from services.script.turns import TurnThreads
 
 
 class SteppingKernel(Protocol):
-    """What the steps need of the script's kernel: its clock and rate, and what the script has declared."""
+    """The steps' interface to the script's kernel: its clock and rate, and the script's declarations."""
 
     clock: ScriptClock
     lock_node: AbstractContextManager[Any]
@@ -35,22 +35,22 @@ class SteppingKernel(Protocol):
 
     @property
     def readers(self) -> Mapping[str, TopicReader]:
-        """What the script subscribes to, by topic."""
+        """The script's subscriptions, by topic."""
         ...
 
     @property
     def outputs(self) -> Sequence[TopicOutput]:
-        """What it publishes."""
+        """The script's publications."""
         ...
 
     @property
     def servers(self) -> Sequence[ServiceServer]:
-        """What it serves."""
+        """The script's services."""
         ...
 
     @property
     def followers(self) -> Mapping[str, SubscriberFollower]:
-        """Its publications that are told who reads them."""
+        """The publications that are informed about their subscribers."""
         ...
 
     def spin(self) -> None:
@@ -58,12 +58,12 @@ class SteppingKernel(Protocol):
         ...
 
     def publish(self, publisher: Publisher[Any], payload: bytes) -> None:
-        """Send a payload on one of the script's publications."""
+        """Publish a payload on one of the script's publications."""
         ...
 
 
 class SteppingNode:
-    """What a script's node does at the ticks of lockstep."""
+    """The actions of a script's node at the ticks of lockstep."""
 
     def __init__(self, kernel: SteppingKernel, node: Node, turns: TurnThreads) -> None:
         network = kernel.network
@@ -80,16 +80,17 @@ class SteppingNode:
         self._own: list[tuple[Publisher[Any], bytes]] = []
         self._own_latched: dict[str, tuple[Publisher[Any], bytes]] = {}
         self._readers: WeakSet[TopicReader] = WeakSet()
-        """Those that have had what this script latched before them."""
+        """Those that have received what this script had latched before they were created."""
 
     def roster_seen(self, roster: tuple[str, ...]) -> bool:
-        """Whether all that these nodes declared before they were ready is known."""
+        """Return whether everything that these nodes declared before they were ready is known."""
         return set(roster) <= self._network.steppers()
 
     def publish(self, publisher: Publisher[Any], payload: bytes) -> None:
-        """Send a payload, before the first tick at that tick: whether all others are linked yet differs between runs.
+        """Send a payload; one published before the first tick is held until then.
 
-        A latched one reaches all of them whenever they are.
+        Before the first tick, which nodes are already linked differs between runs. A latched payload reaches all of
+        them once they are.
         """
         if self._network.begun or publisher.topic.quality is Quality.LATCHED:
             publisher.publish_encoded(payload)
@@ -98,21 +99,21 @@ class SteppingNode:
             self._early.append((publisher, payload))
 
     def send_early(self) -> None:
-        """Send what was published before the first tick."""
+        """Send the messages published before the first tick."""
         self._network.begun = True
         early, self._early = self._early, []
         for publisher, payload in early:
             self.publish(publisher, payload)
 
     def sent(self, publisher: Publisher[Any], payload: bytes) -> None:
-        """The script has published; what it reads itself reaches it at the next tick, as it does the others."""
+        """Deliver a published message to the script's own subscriptions at the next tick, like to others."""
         if publisher.name in self._kernel.readers:
             self._own.append((publisher, payload))
         if publisher.topic.quality is Quality.LATCHED:
             self._own_latched[publisher.name] = publisher, payload
 
     def admit(self, reset: bool) -> None:
-        """Hand the messages, calls and changes of this tick to the threads that they are for."""
+        """Pass the messages, calls and changes of this tick to their threads."""
         for payload, _ in self._ends.messages:
             self._network.receive(payload)
         self._ends.messages = []
@@ -137,14 +138,16 @@ class SteppingNode:
         self.send_early()
 
     def idle_until(self) -> int:
-        """The time [ns] before which there is nothing to do unless a message comes; 0 if there may be at any tick."""
+        """Return the time [ns] before which nothing is due unless a message arrives; 0 if there may be at any tick."""
         new = any(each not in self._readers for each in self._kernel.readers.values())
         if new or self._own or self._early or self._kernel.followers:
             return 0
         return self.turns.idle_until()
 
     def announce(self, final: bool = False) -> None:
-        """Tell the other scripts what this one publishes, reads and serves, if that has changed."""
+        """Announce this script's publications, subscriptions and services to the other scripts, if
+        they have changed.
+        """
         kernel = self._kernel
         ends = [End("pub", each.name, each.ros_type, each.latched) for each in kernel.outputs]
         ends += [End("sub", each.name, each.ros_type or "*") for each in kernel.readers.values()]
@@ -157,7 +160,7 @@ class SteppingNode:
             )
 
     def call(self, name: str, payload: bytes, timeout: float | None) -> list[Reply] | None:
-        """Call a service of this script or of another; None for one of a node that answers within the tick."""
+        """Call a service of this script or another; return None for a node that answers within the tick."""
         own = next((each for each in self._kernel.servers if each.name == name), None)
         if own is not None:
             return self._call_own(own, payload, timeout)

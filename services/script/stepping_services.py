@@ -1,10 +1,10 @@
-"""Requests of scripts to a service of this project that steps with them in lockstep.
+"""Script requests to a service of this project that steps with the scripts in lockstep.
 
-A query would race with the ticks. So such a service takes the requests of scripts from topics, as scripts do among
-themselves, and tells them what it has. Queries, of the command line for one, are answered as ever.
+A query would race with the ticks. Such a service therefore receives the requests of scripts on topics, as scripts do
+among themselves, and announces its endpoints to them. Queries, e.g. from the command line, are answered as usual.
 
-In real time they wait for the next tick, as those of turtlesim do for its next update: a program that calls, and then
-uses what its callbacks were told, has heard from them.
+In real time requests wait for the next tick, as those of turtlesim do for its next update, so that a program that makes
+a call and then uses data from its callbacks has received the messages published before.
 """
 
 from __future__ import annotations
@@ -31,19 +31,21 @@ HELD_S = 0.05
 
 
 class SteppingServices:
-    """The requests that a service serves, by queries and, in lockstep, by topics; ``update`` belongs into each tick."""
+    """The requests of a service, received as queries and, in lockstep, on topics; call ``update`` at each tick."""
 
     def __init__(self, ctx: Context[Any]) -> None:
         self._ctx, self._node = ctx, ctx.node
         self._served: dict[str, tuple[str, ForeignSubscriber, Callable[[bytes], bytes]]] = {}
         self._hidden: set[str] = set()
-        """Services that there are not at present: those of a turtle that is gone."""
+        """Services that are currently hidden: those of a removed turtle."""
         self._announced: tuple[End, ...] | None = None
         self._held: deque[tuple[float, Callable[[], None]]] = deque()
-        """In real time, since when requests wait [s], and what answers them."""
+        """In real time, the arrival times [s] of waiting requests, and the functions that answer them."""
 
     def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str) -> None:
-        """Serve a request under a name; ``handler`` raises BadInput to refuse it. One that was ended is there again."""
+        """Serve a request under a name; ``handler`` raises BadInput to refuse it. A request ended before is served
+        again.
+        """
         absolute = self._node.identity.resolve(name)
         self._hidden.discard(absolute)
         if absolute in self._served:
@@ -61,7 +63,7 @@ class SteppingServices:
             self._node.advertise(call_topic(absolute, "reply"))
 
     def end(self, request: Request[Q, R], name: str) -> None:
-        """Show a request no more; the handler refuses what still comes."""
+        """Hide a request; the handler refuses those that still arrive."""
         absolute = self._node.identity.resolve(name)
         self._hidden.add(absolute)
         self._node.withdraw_server(absolute, request.request_type.ROS_TYPE)
@@ -78,7 +80,7 @@ class SteppingServices:
         self._announce()
 
     def answer_late(self) -> None:
-        """Answer what has waited for a tick for long; between ticks."""
+        """Answer requests that have waited for a tick for too long; called between ticks."""
         while self._held and time.monotonic() - self._held[0][0] > HELD_S:
             self._held.popleft()[1]()
 
@@ -100,7 +102,7 @@ class SteppingServices:
         self._node.advertise(call_topic(name, "reply")).publish_encoded(encode(reply))
 
     def _announce(self) -> None:
-        """Tell the scripts what this node publishes, reads and serves, if that has changed."""
+        """Announce this node's publications, subscriptions and services to the scripts, if they have changed."""
         node = self._node
         ends = [End("pub", each.name, each.topic.record.ROS_TYPE) for each in node.publishers]
         ends += [End("sub", each.name, each.topic.record.ROS_TYPE) for each in node.subscribers]

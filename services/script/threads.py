@@ -1,4 +1,4 @@
-"""The threads of a script and what they wait for, behind one Protocol; here as they are in real time."""
+"""The threads of a script and their waits, behind one Protocol; here in real time."""
 
 from __future__ import annotations
 
@@ -15,50 +15,51 @@ from services.script.budget import PUBLISH
 from services.script.clock import ScriptClock
 
 LOOKS = 200
-"""Points (looks at time or state) that a thread spends in real time before it is slowed down, unless it waits."""
+"""Points (checks of time or state) that a thread may spend in real time before it is slowed down, unless it waits."""
 SHARE = 0.36
-"""Share of a core that a loop without waits gets in real time, so that physics and the other nodes have theirs."""
+"""Share of a core that a loop without waits gets in real time, so that physics and the other nodes have enough."""
 MOST_PUBLISHED = 2000.0
-"""Messages a second that a loop without waits publishes in real time: more than any robot's loop, and a rate at which
-a busy reader loses none."""
+"""Maximum rate [Hz] at which a loop without waits publishes in real time: above that of any robot's loop, and one at
+which a busy subscriber loses nothing.
+"""
 _LEAST_NAP_S, _LONGEST_NAP_S = 0.0005, 0.02
 _LONGEST_WAIT_S = 0.1
-"""Wall time [s] after which a sleeper looks at the time again, whatever was notified."""
+"""Wall time [s] after which a sleeping thread checks the time again without a notification."""
 
 
 class Worker(Protocol):
-    """A thread that does the work of one topic, service or timer as it comes."""
+    """A thread that does the work of one topic, service or timer when it is due."""
 
     def notify(self) -> None:
-        """There may be work; from any thread."""
+        """Notify the thread that there may be work; from any thread."""
         ...
 
     def follow(self, samples: ThreadedSubscriber) -> None:
-        """Work whenever samples come, too."""
+        """Also work whenever samples arrive."""
         ...
 
     def close(self) -> None:
-        """End the thread once its present work is done."""
+        """End the thread once its current work is done."""
         ...
 
 
 class Threads(Protocol):
-    """The threads of a script: they sleep, wait, and are started here."""
+    """The threads of a script, with their sleeps and waits."""
 
     def sleep_until(self, time_ns: int) -> None:
-        """As the kernel's."""
+        """As ``Kernel.sleep_until``."""
         ...
 
     def wait_until(self, ready: Callable[[], bool], timeout: float | None, by_messages: bool = False) -> bool:
-        """As the kernel's."""
+        """As ``Kernel.wait_until``."""
         ...
 
     def wake(self) -> None:
-        """As the kernel's."""
+        """As ``Kernel.wake``."""
         ...
 
     def point(self, cost: float) -> None:
-        """As the kernel's."""
+        """As ``Kernel.point``."""
         ...
 
     def rest(self, seconds: float) -> None:
@@ -66,15 +67,15 @@ class Threads(Protocol):
         ...
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
-        """As the kernel's."""
+        """As ``Kernel.spawn``."""
         ...
 
     def lock(self) -> Any:
-        """As the kernel's."""
+        """As ``Kernel.lock``."""
         ...
 
     def worker(self, name: str, work: Callable[[], bool]) -> Worker:
-        """A thread that calls ``work`` after each notify until it returns False: there is nothing left to do."""
+        """Return a thread that calls ``work`` after each notify until it returns False, when nothing is left to do."""
         ...
 
     def stop(self) -> None:
@@ -83,7 +84,7 @@ class Threads(Protocol):
 
 
 def thread_body(target: Callable[[], None], name: str) -> Callable[[], None]:
-    """``target`` as the body of a thread of the script: what it raises is reported and ends this thread alone."""
+    """Return ``target`` as the body of a script's thread: an exception is reported and ends only this thread."""
 
     def run() -> None:
         try:
@@ -97,12 +98,12 @@ def thread_body(target: Callable[[], None], name: str) -> Callable[[], None]:
 
 
 def report_exception(where: str) -> None:
-    """Print the traceback of the exception that is handled, which ends the thread or callback alone."""
+    """Print the traceback of the exception being handled, which ends only its thread or callback."""
     sys.stderr.write(f"exception in {where}:\n{traceback.format_exc()}")
 
 
 class FreeThreads:
-    """Threads that run beside each other, as in ROS. Loops that never wait are slowed down."""
+    """Threads that run concurrently, as in ROS. Loops that never wait are slowed down."""
 
     def __init__(self, clock: ScriptClock) -> None:
         self._clock = clock
@@ -180,7 +181,7 @@ class FreeThreads:
 
 
 class FreeWorker:
-    """A thread that sleeps between two nudges."""
+    """A thread that sleeps between notifications."""
 
     def __init__(self, name: str, work: Callable[[], bool]) -> None:
         self._notified = threading.Event()
@@ -213,14 +214,14 @@ class FreeWorker:
                 pass
 
     def _wait(self) -> bool:
-        """Wait for a notify or a sample; False when no sample will come any more."""
+        """Wait for a notify or a sample; return False when no more samples will arrive."""
         if self._notified.is_set():
             return True
         return self._samples.wait() if self._samples is not None else self._notified.wait()
 
 
 class _Spent(threading.local):
-    """What a thread has spent since it waited last: points, messages, and its processor time [s] at that moment."""
+    """What a thread has spent since its last wait: points, messages, and its processor time [s] at that moment."""
 
     points = 0.0
     published = 0

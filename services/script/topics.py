@@ -1,4 +1,4 @@
-"""The topics of a script: publications and subscriptions of any type, payloads in and out."""
+"""The topics of a script: publications and subscriptions of any type, with encoded payloads."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from services.script.budget import PUBLISH
 from services.script.threads import Threads, Worker, report_exception
 
 QUEUE_SIZE, LARGE_QUEUE_SIZE = 1024, 64
-"""Samples that wait for a slow callback, and of types that are large."""
+"""Maximum number of samples queued for a slow callback, and of samples of large types."""
 LARGE_TYPES = frozenset({"Image", "CompressedImage", "PointCloud2", "PointCloud", "OccupancyGrid", "MarkerArray"})
 NEW_PUBLISHER_S = 0.3
-"""Wall time [s] in which the token of a publisher should follow its first sample."""
+"""Wall time [s] within which a publisher's token should follow its first sample."""
 MOST_UNKNOWN = 64
-"""Publishers without a token that a topic is patient with, and keeps the last sample of: more are made up."""
+"""Maximum number of publishers without a token that a topic waits for and keeps the last sample of; more are forged."""
 ANY_TYPE = "-"
-"""How a token states a subscription to every type."""
+"""The type in the token of a subscription to every type."""
 
 
 @cache
 def record_of(ros_type: str) -> type[Message]:
-    """A record that stands for a type known by its name alone; its messages are never decoded here."""
+    """Return a record that stands for a type known only by name; its messages are never decoded here."""
     fields = {"ROS_TYPE": ros_type, "__doc__": f"A message of the type {ros_type}.", "__module__": __name__}
     return new_class("ForeignMessage", (Message,), {"frozen": True, "kw_only": True}, lambda body: body.update(fields))
 
 
 def known_topic(name: str) -> Topic[Any] | None:
-    """This project's topic of an absolute name, in whatever namespace."""
+    """Return this project's topic with an absolute name, in any namespace."""
     for topic in TOPICS:
         if name == topic.name or (topic.name[0] not in "/~" and name.endswith(f"/{topic.name}")):
             return topic
@@ -49,7 +49,7 @@ def known_topic(name: str) -> Topic[Any] | None:
 
 
 def topic_of(name: str, ros_type: str, latched: bool = False) -> Topic[Any]:
-    """The topic that a script publishes or reads: with the quality that this project gives it, if it is one of ours."""
+    """Return the topic that a script publishes or subscribes to, with this project's quality if it is one of ours."""
     quality, known = Quality.LATCHED if latched else Quality.EVENT, known_topic(name)
     if known is not None and ros_type == known.record.ROS_TYPE and not (latched and known.quality is Quality.SENSOR):
         quality = known.quality
@@ -57,10 +57,10 @@ def topic_of(name: str, ros_type: str, latched: bool = False) -> Topic[Any]:
 
 
 class Sources(Protocol):
-    """Knows the publishers on the network."""
+    """Returns the publishers on the network."""
 
     def origin(self, publisher: bytes) -> Origin:
-        """Where the samples of a publisher come from."""
+        """Return the source of a publisher's samples."""
         ...
 
 
@@ -95,7 +95,7 @@ class TopicOutput:
         self._publisher: Publisher[Any] | None = None
 
     def bind(self, node: Node) -> None:
-        """Declare it, once the node has its name."""
+        """Declare the publication, once the node has its name."""
         self._publisher = node.advertise(topic_of(self.name, self.ros_type, self.latched))
 
     def publish(self, payload: bytes) -> None:
@@ -106,12 +106,14 @@ class TopicOutput:
             self._bus.publish(publisher, payload)
 
     def subscribers(self) -> list[str]:
-        """The nodes that read it; none while no way to any of them is known, as while two nodes are being linked."""
+        """Return the subscribing nodes; none while no path to any of them is known, as while two nodes are being
+        linked.
+        """
         return self._bus.ends("sub", self.name) if self.linked else []
 
     @property
     def linked(self) -> bool:
-        """Whether what is published reaches somebody."""
+        """Whether published messages reach a subscriber."""
         return self._publisher is None or self._bus.links(self._publisher)
 
     def close(self) -> None:
@@ -120,28 +122,28 @@ class TopicOutput:
 
 
 class Bus(Protocol):
-    """What topics need of the kernel that owns them."""
+    """The topics' interface to the kernel that owns them."""
 
     threads: Threads
 
     def publish(self, publisher: Publisher[Any], payload: bytes) -> None:
-        """Send a payload."""
+        """Publish a payload."""
         ...
 
     def ends(self, kind: str, name: str) -> list[str]:
-        """The nodes with an end of this kind."""
+        """Return the nodes with an endpoint of this kind."""
         ...
 
     def links(self, publisher: Publisher[Any]) -> bool:
-        """Whether a sample would reach a subscriber: its token may be seen before the way to it is known."""
+        """Return whether a sample would reach a subscriber, whose token may be seen before the path to it is known."""
         ...
 
     def close_output(self, output: TopicOutput, publisher: Publisher[Any] | None) -> None:
-        """End a publication."""
+        """Close a publication."""
         ...
 
     def close_input(self, given: TopicInput) -> None:
-        """End a subscription."""
+        """Close a subscription."""
         ...
 
 
@@ -162,7 +164,9 @@ class TopicInput:
 
 
 class TopicReader:
-    """A topic that a script reads: one subscription, one worker, and all receivers in the order of their addition."""
+    """A topic that a script subscribes to: one subscription, one worker, and all receivers in order
+    of their addition.
+    """
 
     def __init__(self, name: str, ros_type: str, threads: Threads, sources: Sources) -> None:
         self.name, self.ros_type = name, ros_type
@@ -188,7 +192,7 @@ class TopicReader:
         self.worker.notify()
 
     def add(self, given: TopicInput) -> None:
-        """One more receiver; it gets the last messages of latched publishers at once."""
+        """Add a receiver, which gets the last messages of latched publishers at once."""
         self.inputs = [*self.inputs, given]
         for publisher, (payload, origin) in list(self._latched.items()):
             known = origin if origin.node else self._sources.origin(publisher)
@@ -197,13 +201,13 @@ class TopicReader:
         self.worker.notify()
 
     def remove(self, given: TopicInput) -> None:
-        """One receiver less."""
+        """Remove a receiver."""
         self.inputs = [each for each in self.inputs if each is not given]
 
     def admit(self, reset: bool = False) -> None:
-        """Queue what the subscription has, after its update; after a ``reset`` of time, latched messages alone.
+        """Queue the subscription's messages after its update; after a ``reset`` of time, only latched ones.
 
-        In lockstep, own samples have gone a shorter way.
+        In lockstep, the script's own messages are delivered directly.
         """
         assert self.subscriber is not None
         self._warn_refused(self.subscriber)
@@ -217,7 +221,7 @@ class TopicReader:
         self.subscriber.messages = []
 
     def _origin(self, publisher: bytes) -> Origin:
-        """Where a sample comes from; in real time one of a new publisher may be here before its token, for a moment."""
+        """Return the source of a sample; in real time that of a new publisher may briefly precede its token."""
         origin = self._sources.origin(publisher)
         patient = self._live and publisher and publisher not in self._latched and len(self._latched) < MOST_UNKNOWN
         if not origin.node and patient:
@@ -226,22 +230,22 @@ class TopicReader:
         return origin
 
     def put(self, payload: bytes, origin: Origin, publisher: bytes) -> None:
-        """Queue one sample."""
-        # A sample may come before it is known who publishes.
+        """Queue a sample."""
+        # A sample may arrive before its publisher is known.
         if origin.latched or (not origin.node and (publisher in self._latched or len(self._latched) < MOST_UNKNOWN)):
             self._latched[publisher] = payload, origin
         self.queue.append((payload, origin, None))
         self._trim()
 
     def _trim(self) -> None:
-        """Drop the oldest of too many: as many as the most patient receiver wants may wait."""
+        """Drop the oldest messages beyond the largest queue size of the receivers."""
         sizes = [each.queue_size for each in self.inputs]
         most = QUEUE_SIZE if None in sizes or not sizes else min(max(each or 1 for each in sizes), QUEUE_SIZE)
         while len(self.queue) > most:
             self.queue.popleft()
 
     def _work(self) -> bool:
-        """Call the receivers with the oldest message; False when none waits."""
+        """Call the receivers with the oldest message; return False if none waits."""
         if self._live and (subscriber := self.subscriber) is not None:
             subscriber.update()
             self.admit()
@@ -262,7 +266,7 @@ class TopicReader:
 
 
 class SubscriberFollower:
-    """Tells a publication which nodes begin and cease to read it."""
+    """Informs a publication about nodes that begin and stop subscribing to it."""
 
     def __init__(
         self,

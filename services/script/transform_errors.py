@@ -1,4 +1,4 @@
-"""Why a transform is not known, in the words of ROS 1's tf2, which scripts print and students search for."""
+"""Explains why a transform is not known, in the words of ROS 1's tf2, which scripts print and students search for."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from services.runtime.errors import FrameLoop, NoTransform
 from services.runtime.tf.buffer import TransformBuffer
 
 MOST_OF_ONE_SAMPLE = 115
-"""tf2 cuts its sentence about a frame with one sample after so many characters."""
+"""Maximum length of tf2's sentence about a frame with one sample."""
 
 
 class Refusal(NamedTuple):
-    """An error of tf2: which of its exceptions, and the text."""
+    """An error of tf2: its exception class, and the text."""
 
     kind: Literal["lookup", "connectivity", "extrapolation"]
     text: str
 
 
 def explain(buffer: TransformBuffer, error: NoTransform, target: str, source: str, time: int | None) -> Refusal:
-    """What tf2 says where ``buffer.lookup(target, source, time)`` raised ``error``; both frames are known.
+    """Return tf2's error where ``buffer.lookup(target, source, time)`` raised ``error``; both frames are known.
 
-    tf2 climbs from the source to the root, then from the target until it meets that line, and complains of the first
-    frame without data; one on the source's side only matters if the two lines do not meet.
+    tf2 climbs from the source to the root, then from the target until it meets that path, and reports the first frame
+    without data; one on the source's side only matters if the two paths do not meet.
     """
     if isinstance(error, FrameLoop):
         return Refusal("lookup", f"The tf tree is invalid because it contains a loop.\n{described(buffer)}\n")
@@ -46,7 +46,7 @@ def explain(buffer: TransformBuffer, error: NoTransform, target: str, source: st
 
 
 def unconnected(target: str, source: str) -> str:
-    """That no transforms connect two frames."""
+    """Return the text that no transforms connect two frames."""
     return (
         f"Could not find a connection between '{target}' and '{source}' because they are not part of the same tree."
         "Tf has two or more unconnected trees."
@@ -54,13 +54,13 @@ def unconnected(target: str, source: str) -> str:
 
 
 def described(buffer: TransformBuffer, frames: Iterable[str] | None = None) -> str:
-    """A line for each frame with a parent."""
+    """Return a line for each frame with a parent."""
     parents = {frame: buffer.parent(frame) for frame in (buffer.frames() if frames is None else frames)}
     return "".join(f"Frame {frame} exists with parent {parent}.\n" for frame, parent in parents.items() if parent)
 
 
 def _line(buffer: TransformBuffer, frame: str) -> list[str]:
-    """The frame and all above it."""
+    """Return the frame and its ancestors."""
     line = [frame]
     while (parent := buffer.parent(line[-1])) is not None and parent not in line:
         line.append(parent)
@@ -68,13 +68,13 @@ def _line(buffer: TransformBuffer, frame: str) -> list[str]:
 
 
 def _between(above: list[str], below: list[str]) -> list[str]:
-    """The frames of two lines below the one where they meet."""
+    """Return the frames of two paths below their common ancestor."""
     common = set(above) & set(below)
     return [frame for frame in (*above, *below) if frame not in common]
 
 
 def _outside(buffer: TransformBuffer, frame: str, time: int) -> str:
-    """That a frame is not known at a time, or ""."""
+    """Return the text that a frame is not known at a time, or ""."""
     span = buffer.span(frame)
     if span is None or span[0] <= time <= span[1]:
         return ""

@@ -1,9 +1,9 @@
 """Threads that take turns in lockstep: one runs at a time, so that a script repeats bit for bit.
 
-A thread ends its turn in a wait, or when its budget of points for the tick is spent. Who goes on at a tick follows from
-counts and from the order in which things were made: first the workers that have messages, requests or timers due, in
-the order of their creation; then the sleepers by (deadline, order); then those whose condition came true. It is done
-again while a turn made something ready within the tick, each thread at most once per pass.
+A thread ends its turn in a wait, or when its budget of points for the tick is spent. Who runs at a tick follows from
+counts and the order of creation: first the workers that have messages, requests or timers due, in the order of their
+creation; then the sleepers by (deadline, order); then those whose condition became true. This is repeated while a turn
+made something ready within the tick, each thread at most once per pass.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LOOK_S = 0.2
 """Wall time [s] after which the node is served while a turn lasts."""
 NEVER_NS = 1 << 62
 SLOW_S = 10.0
-"""Wall time [s] after which the log names a turn that does not end, and where it is."""
+"""Wall time [s] after which a turn that does not end is logged, with its location."""
 
 _LOOKS = 20
 
@@ -37,7 +37,7 @@ Kind = Literal["start", "idle", "sleep", "condition", "budget", "returned", "ove
 
 @dataclass(eq=False)
 class _Wait:
-    """What a thread waits for; ``until`` is a time of the simulation [ns]."""
+    """What a thread waits for; ``until`` is a simulation time [ns]."""
 
     kind: Kind
     number: int
@@ -50,7 +50,7 @@ class _Wait:
 
 @dataclass(eq=False)
 class _Thread:
-    """A thread that takes turns; the last of ``waits`` is the one that counts: a signal may nest another."""
+    """A thread that takes turns; only the last of ``waits`` counts, since a signal handler may nest another."""
 
     name: str
     order: int
@@ -67,9 +67,9 @@ class _Thread:
 
 
 class TurnThreads:
-    """Threads of which one runs at a time. Made by the main thread, which has the first turn.
+    """Threads of which one runs at a time. Created by the main thread, which has the first turn.
 
-    ``run`` and ``wait_for_turn`` belong to the node's thread. Threads that were started elsewhere run freely.
+    ``run`` and ``wait_for_turn`` belong to the node's thread. Threads started by other means run freely.
     """
 
     def __init__(self, clock: ScriptClock, warn: Callable[[str], None]) -> None:
@@ -139,13 +139,13 @@ class TurnThreads:
         return thread
 
     def enroll(self, name: str) -> _Thread:
-        """A thread that is about to start; it takes its first turn when it calls ``take_part``."""
+        """Register a thread that is about to start; it takes its first turn when it calls ``take_part``."""
         made = self._add(name)
         made.waits.append(_Wait("start", next(self._numbers)))
         return made
 
     def take_part(self, thread: _Thread, work: Callable[[], None]) -> None:
-        """Do the work of an enrolled thread, in turns."""
+        """Do the work of a registered thread, in turns."""
         self._begin(thread)
         try:
             work()
@@ -153,7 +153,7 @@ class TurnThreads:
             self._retire(thread)
 
     def now(self) -> int:
-        """The time of the tick [ns]."""
+        """Return the time of the tick [ns]."""
         return self._clock.now()
 
     def lock(self) -> TurnLock:
@@ -186,7 +186,7 @@ class TurnThreads:
 
     @contextmanager
     def outside(self, what: str) -> Iterator[None]:
-        """Give the baton away while the calling thread waits for something outside, as a key; it returns at a tick."""
+        """Release the turn while the calling thread waits for something external, e.g. a key; it resumes at a tick."""
         me = self._me()
         if me is None or self._holder is not me:
             yield
@@ -198,15 +198,15 @@ class TurnThreads:
             self._park(me, _Wait("returned", next(self._numbers)))
 
     def adopt(self) -> None:
-        """The calling thread is the node's: it asks conditions, and neither takes turns nor is slowed down."""
+        """Make the calling thread the node's: it checks conditions, and neither takes turns nor is slowed down."""
         self._local.node = True
 
     def identity(self) -> object:
-        """Who runs: the thread that takes turns, or the operating system's."""
+        """Return the running thread: the one that takes turns, or the operating system's."""
         return self._me() or threading.get_ident()
 
     def retire_main(self) -> None:
-        """The main thread takes no more turns; called by itself."""
+        """Remove the main thread from the turns; called by that thread."""
         if (me := self._me()) is not None:
             self._retire(me)
 
@@ -216,7 +216,7 @@ class TurnThreads:
         return self._stopped
 
     def run(self, meanwhile: Callable[[], None]) -> None:
-        """Let all threads that are due take their turns; ``meanwhile`` is called while one lasts."""
+        """Let all due threads take their turns; ``meanwhile`` is called while one lasts."""
         for each in self._threads:
             each.points = 0.0
         first = True
@@ -234,7 +234,9 @@ class TurnThreads:
                 return
 
     def idle_until(self) -> int:
-        """The time [ns] before which no thread takes a turn unless a message comes; 0 if one may at any tick."""
+        """Return the time [ns] before which no thread takes a turn unless a message arrives; 0 if
+        one may at any tick.
+        """
         until = NEVER_NS
         for each in self._threads:
             if not each.waits or each.notified:
@@ -247,7 +249,7 @@ class TurnThreads:
         return until
 
     def wait_for_turn(self, meanwhile: Callable[[], None]) -> None:
-        """Wait until the thread that has the baton ends its turn."""
+        """Wait until the thread that has the turn ends it."""
         began = named = time.monotonic()
         while not self._returned.acquire(timeout=LOOK_S):
             meanwhile()
@@ -346,7 +348,7 @@ class TurnThreads:
 
 
 class _Spawned(threading.Thread):
-    """A thread whose end counts when its last turn ends, not when the operating system notices."""
+    """A thread that counts as ended when its last turn ends, not when the operating system notices."""
 
     def __init__(self, turns: TurnThreads, target: Callable[[], None], name: str) -> None:
         super().__init__(name=name, daemon=True)
@@ -390,7 +392,7 @@ class TurnLock:
         self._count = 0
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
-        """Take it; False when it is not free in time."""
+        """Acquire the lock; return False if it is not free in time."""
         me = self._threads.identity()
         if self._owner is not None and self._owner != me:
             if not blocking:
@@ -403,7 +405,7 @@ class TurnLock:
         return True
 
     def release(self) -> None:
-        """Give it back."""
+        """Release the lock."""
         if self._owner != self._threads.identity():
             raise RuntimeError("cannot release un-acquired lock")
         self._count -= 1
@@ -418,12 +420,12 @@ class TurnLock:
 
 
 def place_of(ident: int | None) -> str:
-    """Where a thread is: the innermost line outside this project and Python's library."""
+    """Return the location of a thread: the innermost line outside this project and Python's library."""
     frame = sys._current_frames().get(ident or 0)
     for _ in range(_LOOKS):
         if frame is None or frame.f_lineno is not None:
             break
-        time.sleep(0.001)  # between two lines it is on none
+        time.sleep(0.001)  # between two lines it has none
         frame = sys._current_frames().get(ident or 0)
     library = sys.base_prefix
     place = ""

@@ -1,4 +1,4 @@
-"""Waits of client libraries: for ROS time to pass, and until what runs on the network is known."""
+"""Waits of client libraries: for ROS time to pass, and until the network is known."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from collections.abc import Callable
 from services.script.api import kernel
 
 JUMP_NS = 3 * 10**9
-"""Time that goes back by more [ns] ends a wait: the simulation was reset."""
+"""A backward jump of time by more than this [ns] ends a wait: the simulation was reset."""
 
 
 QUIET_S, LONGEST_S = 0.25, 3.0
-"""Wall time without news after which the network counts as known, and the most that this may take."""
+"""Wall time without changes after which the network counts as known, and the maximum wait for that."""
 
 
 def wait_for(ready: Callable[[], bool], duration_ns: int | None = None) -> bool:
-    """Wait until ``ready()``, or for a duration of ROS time [ns], that of the simulation unless the script runs by the
-    wall clock; None is for ever.
+    """Wait until ``ready()``, or for a duration of ROS time [ns]; None waits for ever.
+
+    ROS time is simulation time unless the script runs by the wall clock; before the first clock, no time passes.
 
     Returns:
-        Whether it became ready; False also when the process ends. While no clock has come, no time passes.
+        Whether it became ready; False also when the process ends.
     """
     node = kernel()
     if duration_ns is None:
@@ -40,7 +41,7 @@ def wait_for(ready: Callable[[], bool], duration_ns: int | None = None) -> bool:
 
 
 def settle() -> None:
-    """Wait until no further publication, subscription or service becomes known."""
+    """Wait until no further publication, subscription or service appears."""
     running, deadline = kernel(), time.monotonic() + LONGEST_S
     known, since = -1, time.monotonic()
     while (now := time.monotonic()) < deadline and not (known > 0 and now - since > QUIET_S):

@@ -1,9 +1,9 @@
-"""Packages of a catkin workspace on disk, as they lie there: nothing is built, nothing is written.
+"""Packages of a catkin workspace on disk, used in place: nothing is built, nothing is written.
 
-A package is a folder with a ``package.xml`` and has the name that stands in it, whatever the folder is called; those of
-rosbuild, before catkin, have a ``manifest.xml`` and the folder's name. They are
-looked for in the package of a file and in the workspace around it, in ROS_PACKAGE_PATH, and in the workspaces whose
-``devel`` or ``install`` folder the shell has sourced (CMAKE_PREFIX_PATH); the first of a name counts.
+A package is a folder with a ``package.xml`` and has the name stated there, whatever the folder is called; rosbuild
+packages, from before catkin, have a ``manifest.xml`` and the folder's name. Packages are searched in the package of a
+file and the workspace around it, in ROS_PACKAGE_PATH, and in the workspaces whose ``devel`` or ``install`` folder the
+shell has sourced (CMAKE_PREFIX_PATH); the first of a name counts.
 """
 
 from __future__ import annotations
@@ -18,34 +18,38 @@ from pathlib import Path
 from models.packages import package_name
 
 MAX_FOLDERS = 20_000
-"""Folders of a workspace that are looked into."""
+"""Maximum number of a workspace's folders that are searched."""
 MAX_DEPTH = 8
-"""How deep below its root."""
+"""Maximum depth of the search."""
 _PACKAGE_FILES = ("package.xml", "manifest.xml")
 _IGNORED = ("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE")
 _NO_SOURCES = frozenset(["build", "devel", "install", "logs", "node_modules", "__pycache__"])
 _NAMED_FOLDER = r"""["']([\w.]*)["']\s*:\s*["']([^"']*)["']"""
-"""Of ``package_dir`` in a setup.py: a module's name, empty for all, and its folder."""
+"""Matches ``package_dir`` in a setup.py: a module's name, empty for all, and its folder."""
 _MARKERS = (".catkin_workspace", ".catkin_tools", ".rosinstall")
 
 
 @dataclass(frozen=True)
 class Workspace:
-    """The packages around a file: ``own`` is the folder of its package or None, ``roots`` are where packages lie."""
+    """The packages around a file: ``own`` is its package's folder or None, ``roots`` are the folders that contain
+    packages.
+    """
 
     own: Path | None
     roots: tuple[Path, ...]
 
     def package_path(self, name: str) -> Path | None:
-        """The folder of a package; None if it is not there."""
+        """Return the folder of a package; None if it is missing."""
         return self.packages().get(name)
 
     def packages(self) -> dict[str, Path]:
-        """All packages by name, sorted; read once."""
+        """Return the folders of all packages by name, sorted; they are searched once."""
         return self._packages
 
     def python_paths(self) -> tuple[Path, ...]:
-        """The folders of Python modules: ``src`` of each package, or those of its setup.py, the file's own first."""
+        """Return the folders of Python modules: ``src`` of each package, or those of its setup.py, the file's own
+        first.
+        """
         folders = [self.own, *self._packages.values()] if self.own else list(self._packages.values())
         return tuple(dict.fromkeys(place for each in folders for place in _places(each) if _has_modules(place)))
 
@@ -58,7 +62,9 @@ class Workspace:
 
 
 def workspace_of(place: Path, environment: Mapping[str, str] | None = None) -> Workspace:
-    """The workspace around a file or folder; ``environment`` has ROS_PACKAGE_PATH, by default that of the process."""
+    """Return the workspace around a file or folder; ROS_PACKAGE_PATH is that of ``environment``, by default the
+    process's.
+    """
     environment = os.environ if environment is None else environment
     place = Path(os.path.abspath(place))
     folders = [place, *place.parents] if place.is_dir() else list(place.parents)
@@ -71,8 +77,9 @@ def workspace_of(place: Path, environment: Mapping[str, str] | None = None) -> W
 
 
 def _root_around(package: Path) -> Path:
-    """The folder whose packages belong together with one: the workspace's ``src``, else its repository, else where it
-    lies."""
+    """Return the folder that contains related packages: the workspace's ``src``, else the
+    repository, else the parent.
+    """
     above = list(package.parents)[:MAX_DEPTH]
     for each in above:
         if each.name == "src" or any((each / marker).exists() for marker in _MARKERS):
@@ -81,7 +88,9 @@ def _root_around(package: Path) -> Path:
 
 
 def _roots_near(folders: list[Path]) -> Iterator[Path]:
-    """Around a folder outside any package: of a workspace its ``src``; else the folder itself if packages lie in it."""
+    """Yield the roots around a folder outside any package: a workspace's ``src``, else the folder itself if it has
+    packages.
+    """
     for each in folders[:MAX_DEPTH]:
         if (each / "src").is_dir() and (
             any((each / marker).exists() for marker in _MARKERS)
@@ -106,7 +115,7 @@ def _holds_packages(folder: Path) -> bool:
 
 
 def _sourced(prefix: Path) -> list[Path]:
-    """The source folders behind a ``devel`` folder, as its file ``.catkin`` lists them; what ``install`` holds."""
+    """Return the source folders of a ``devel`` folder, listed in its file ``.catkin``; the content of ``install``."""
     try:
         listed = (prefix / ".catkin").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -116,7 +125,7 @@ def _sourced(prefix: Path) -> list[Path]:
 
 
 def _crawl(root: Path, limit: int = MAX_FOLDERS) -> Iterator[Path]:
-    """The packages at or below a folder, as catkin finds them: sorted, none inside another, links followed once."""
+    """Yield the packages at or below a folder, as catkin finds them: sorted, none nested, links followed once."""
     pending, seen = [(root, 0)], set[str]()
     while pending and len(seen) < limit:
         folder, depth = pending.pop(0)
@@ -144,7 +153,7 @@ def _crawl(root: Path, limit: int = MAX_FOLDERS) -> Iterator[Path]:
 
 
 def _places(package: Path) -> Iterator[Path]:
-    """Where the Python modules of a package may lie."""
+    """Yield the folders that may contain a package's Python modules."""
     yield package / "src"
     try:
         text = (package / "setup.py").read_text(errors="replace")

@@ -1,4 +1,4 @@
-"""Every file of the packages says first what it is; one file knows MessagePack."""
+"""Every file of the packages begins with a docstring; only one file uses MessagePack."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Types and style hold on this tree; the settings are strict enough to refuse what they should."""
+"""Types and style are clean on this tree; the settings are strict enough to reject violations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests get the markers of what they reach, and a quick test that starts a process or opens a socket is caught."""
+"""Tests get the markers of what they use; a quick test that starts a process or opens a socket fails."""
 
 from __future__ import annotations
 

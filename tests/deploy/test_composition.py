@@ -1,4 +1,4 @@
-"""Services of a fleet that share processes: which do, what runs, and what a fleet file may not ask for."""
+"""Services of a fleet that share processes: which ones, what runs, and what a fleet file must not ask for."""
 
 from __future__ import annotations
 

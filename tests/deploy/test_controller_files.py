@@ -1,4 +1,4 @@
-"""The files of controllers that a fleet names: found beside it, checked with it, and their gains known."""
+"""Controller files named by a fleet: found next to its file, checked with it, and their gains announced."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said of the parameters of a run: those that are not the fleet's, and where they come from."""
+"""The report on a run's parameters: those that differ from the fleet's, and their origins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fleet files: what is in them arrives typed, and what is wrong in them is told with its line."""
+"""Fleet files: their content arrives typed, and mistakes are reported with their line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One fleet for each port: who holds it is told, and a supervisor that died holds nothing."""
+"""One fleet per port: the error names the holder, and a dead supervisor holds nothing."""
 
 from __future__ import annotations
 

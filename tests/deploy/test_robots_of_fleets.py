@@ -1,4 +1,4 @@
-"""A fleet file names robots by paths; what is wrong with them is told with its line, before anything starts."""
+"""A fleet file names robots by path; mistakes in them are reported with their line before anything starts."""
 
 from __future__ import annotations
 

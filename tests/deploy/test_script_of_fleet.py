@@ -1,4 +1,4 @@
-"""A program of ROS 1 as a service of a fleet: its command line, its parameters, what may be wrong with it."""
+"""A ROS 1 program as a service of a fleet: its command line, its parameters, and possible mistakes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""./elea in a bare copy with programs of our own on the PATH: what it installs, when, and what it says."""
+"""./elea in a bare copy with test programs on the PATH: what it installs, when, and its messages."""
 
 from __future__ import annotations
 

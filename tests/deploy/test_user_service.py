@@ -1,4 +1,4 @@
-"""A fleet file that names a Python file of the user's own: its declaration, what may be wrong with it, and a run."""
+"""A fleet file that names a user's Python file: its declaration, possible mistakes, and a run."""
 
 from __future__ import annotations
 

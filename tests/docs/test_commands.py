@@ -1,4 +1,4 @@
-"""Every ``./elea`` line in the documents is one that the command line takes."""
+"""The command line accepts every ``./elea`` line in the documents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Python examples of docs/ are what the code accepts."""
+"""The code accepts the Python examples of docs/."""
 
 from __future__ import annotations
 

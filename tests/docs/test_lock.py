@@ -1,4 +1,4 @@
-"""What is installed is stated whole, with hashes, and without the name of any host."""
+"""The lock lists every installed package, with hashes, and without host names."""
 
 from __future__ import annotations
 

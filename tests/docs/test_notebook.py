@@ -1,4 +1,4 @@
-"""The notebook, executed cell by cell on a running fleet, as its first cell says."""
+"""The notebook, executed cell by cell on a running fleet, as described in its first cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The controller in README.md, taken from there as it stands, drives a real robot as README.md says."""
+"""The controller in README.md, unchanged, drives a real robot as README.md states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exercise of the page on programs of ROS 1 runs as it stands, and its bounds grade what the script does."""
+"""The exercise of the page on ROS 1 programs runs unchanged, and its bounds grade the script."""
 
 from __future__ import annotations
 

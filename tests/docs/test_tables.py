@@ -1,4 +1,4 @@
-"""What the pages list is what the code has: topics, qualities, requests, verbs, fleets and services."""
+"""The tables of the pages match the code: topics, qualities, requests, commands, fleets and services."""
 
 from __future__ import annotations
 

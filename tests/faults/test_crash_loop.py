@@ -1,4 +1,4 @@
-"""Fault 8: a service ends as soon as it starts, again and again."""
+"""Fault 8: a service repeatedly exits as soon as it starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fault 9: an exception that nobody handles, in the loop, a thread or a timer; and one while a request is answered."""
+"""Fault 9: an unhandled exception in the loop, a thread or a timer; and one while a request is answered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fault 3: a controller freezes, and goes on later. test_hung_controller.py has one that is replaced instead."""
+"""Fault 3: a controller freezes and later continues; in test_hung_controller.py it is replaced instead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fault 4: the router is killed, and comes back."""
+"""Fault 4: the router is killed, and restarted."""
 
 from __future__ import annotations
 

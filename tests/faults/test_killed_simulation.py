@@ -1,4 +1,4 @@
-"""Fault 6: the simulation is killed; simulation time stops, and begins anew."""
+"""Fault 6: the simulation is killed; simulation time stops, and starts again from zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fault 8, escalated: what cannot start is what the fleet cannot do without."""
+"""Fault 8, escalated: the fleet cannot do without the process that cannot start."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fleet in the background, the verbs on it, and a program beside it that keeps to none of the project's rules."""
+"""A fleet in the background, commands on it, and an external program that follows none of the project's rules."""
 
 from __future__ import annotations
 

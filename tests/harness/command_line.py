@@ -1,4 +1,4 @@
-"""The command line as a person uses it, with a state folder and a port of its own."""
+"""The command line as used by a person, with its own state folder and port."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs that take processor time from all others, by fits and starts."""
+"""Programs that take processor time from all others, intermittently."""
 
 from __future__ import annotations
 

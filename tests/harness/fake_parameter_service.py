@@ -1,4 +1,4 @@
-"""A parameter service by hand: it answers what a test tells it to, and publishes what a test wants."""
+"""A fake parameter service: it answers and publishes what a test tells it to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a test sees of a topic: every message since it began to look."""
+"""A test's view of a topic: every message since it subscribed."""
 
 from __future__ import annotations
 

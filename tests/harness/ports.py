@@ -1,4 +1,4 @@
-"""Ports of the loopback that nobody uses."""
+"""Unused ports on the loopback interface."""
 
 from __future__ import annotations
 

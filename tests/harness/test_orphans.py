@@ -1,4 +1,4 @@
-"""What a test run leaves behind when it is killed ends with it, also what belongs to no parent any more."""
+"""Processes left behind by a killed test run are killed, including those without a parent."""
 
 from __future__ import annotations
 

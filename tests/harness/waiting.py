@@ -1,4 +1,4 @@
-"""Waiting for what other processes and threads do: until it is so, never for a time that hopes."""
+"""Waits for other processes and threads until a condition holds, never for a fixed time."""
 
 from __future__ import annotations
 

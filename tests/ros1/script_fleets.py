@@ -1,4 +1,4 @@
-"""Fleets of programs written for ROS 1: runs of them, and what each program wrote."""
+"""Fleets of ROS 1 programs: runs of them, and the output of each program."""
 
 from __future__ import annotations
 

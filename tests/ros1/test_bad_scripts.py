@@ -1,4 +1,4 @@
-"""Programs of ROS 1 that are wrong: what is wrong is told with file and line, and the fleet lives on."""
+"""Faulty ROS 1 programs: the mistake is reported with file and line, and the fleet goes on."""
 
 from __future__ import annotations
 

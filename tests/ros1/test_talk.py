@@ -1,4 +1,4 @@
-"""Programs of ROS 1 that need no robot: what each says is what it says under ROS Noetic's own rospy."""
+"""ROS 1 programs that need no robot: their output is the same as under ROS Noetic's own rospy."""
 
 from __future__ import annotations
 

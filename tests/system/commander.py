@@ -1,4 +1,4 @@
-"""A commander of three Pioneers, each at a speed of its own, that ends when and how it is told."""
+"""A commander of three Pioneers, each at its own speed, that ends when and how it is told."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sees what robots do as a member of their lockstep: every sample, however busy the machine is."""
+"""Records robots as a member of their lockstep: every sample, however busy the machine is."""
 
 from __future__ import annotations
 

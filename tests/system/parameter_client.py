@@ -1,4 +1,4 @@
-"""A node beside a running fleet that sets and gets its parameters, and sees what becomes of them."""
+"""A node in a running fleet that sets and gets its parameters, and follows the changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A controller that follows time and tells in its log when time began anew."""
+"""A controller that follows time and logs when it is reset."""
 
 from __future__ import annotations
 

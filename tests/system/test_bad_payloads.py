@@ -1,4 +1,4 @@
-"""What is sent to a robot and is not a command: counted and shown, never obeyed, and the next good command works."""
+"""Invalid commands to a robot: counted and shown, never obeyed, and the next valid command works."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands to a real simulation from a clock that is set, differs or lies, and commands that were held up."""
+"""Commands to a real simulation from a clock that is set, differs or lies, and commands that were delayed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lockstep among strangers who know every session: forged Gos, Dones, tokens and samples against a real fleet."""
+"""Lockstep among strangers who know every session: forged Gos, Dones, tokens and samples on a real fleet."""
 
 from __future__ import annotations
 

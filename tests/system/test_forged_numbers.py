@@ -1,4 +1,4 @@
-"""Anybody can number a sample in another's name: on a running fleet, nobody is silenced by it, and nothing ends."""
+"""Sample numbers forged in another node's name on a running fleet: no node is silenced, and none ends."""
 
 from __future__ import annotations
 

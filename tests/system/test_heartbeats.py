@@ -1,4 +1,4 @@
-"""Heartbeats beside a flood of data on the same link: all of them arrive, so no sound process looks hung."""
+"""Heartbeats during a flood of data on the same link: all arrive, so no healthy process looks hung."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests to a running simulation: time stops and steps exactly, models come and go, everything begins anew."""
+"""Requests to a running simulation: time stops and steps exactly, models come and go, everything is reset."""
 
 from __future__ import annotations
 

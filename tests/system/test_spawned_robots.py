@@ -1,4 +1,4 @@
-"""Robots that enter a running simulation: their topics, sensors that work while somebody looks, and their frames."""
+"""Robots that enter a running simulation: their topics, sensors that work while subscribed, and their frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time begins with the whole fleet, in both modes: late nodes, those that never come, and changes that are refused."""
+"""Time begins with the whole fleet, in both modes: late nodes, missing nodes, and refused changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames on tf and tf_static, put one behind the other."""
+"""Frames on tf and tf_static, concatenated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands of ROS 1 as programs on our rospy: `./elea env ros1` gives them their names."""
+"""Commands of ROS 1 as programs on our rospy; `./elea env ros1` provides them under their names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 
 def run_command(main: Callable[[], None]) -> None:
-    """Run a command to its end; one whose reader has gone, as in `rostopic list | head -1`, ends without a word."""
+    """Run a command to its end; if the reader of its output has gone, as in `rostopic list | head -1`, end quietly."""
     try:
         main()
         sys.stdout.flush()

@@ -1,5 +1,5 @@
 # ruff: noqa: D103
-"""rosbag: show and play bags of ROS 1, with the words and the output of ROS 1; Elea's own are those of `elea bag`."""
+"""rosbag: show and play ROS 1 bags, with the arguments and output of ROS 1; for Elea's own bags see `elea bag`."""
 
 import argparse
 import sys
@@ -101,7 +101,7 @@ def play(args):
     print("done.", flush=True)
     while play_once(bags, given, publishers) and given.loop:
         pass
-    time.sleep(SETTLE_S)  # for what is on its way
+    time.sleep(SETTLE_S)  # for messages on their way
     print("Done.")
 
 
@@ -116,7 +116,7 @@ def advertise(bag, topics, publishers):
 
 
 def play_once(bags, given, publishers):
-    """Publish all in the order of their times; False when the process is asked to end."""
+    """Publish all messages in the order of their times; return False if the process is asked to end."""
     filled = [each for each in bags if each.get_message_count(given.topics)]
     if not filled:
         return False

@@ -1,5 +1,5 @@
 # ruff: noqa: D103
-"""rosconsole: show and set the levels of a node's loggers, and show what nodes log, with the words of ROS 1."""
+"""rosconsole: show and set the levels of a node's loggers, and show log messages, with the arguments of ROS 1."""
 
 import sys
 

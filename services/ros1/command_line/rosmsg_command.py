@@ -1,5 +1,5 @@
 # ruff: noqa: D103
-"""rosmsg and rossrv: show the definitions of messages and services, with the words and the output of ROS 1."""
+"""rosmsg and rossrv: show the definitions of messages and services, with the arguments and output of ROS 1."""
 
 import sys
 

@@ -1,5 +1,5 @@
 # ruff: noqa: D103
-"""rosnode: list, show and ping nodes, with the words and the output of ROS 1."""
+"""rosnode: list, show and ping nodes, with the arguments and output of ROS 1."""
 
 import sys
 import time

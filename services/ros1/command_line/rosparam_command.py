@@ -1,5 +1,5 @@
 # ruff: noqa: D103
-"""rosparam: list, get and set parameters, with the words and the output of ROS 1."""
+"""rosparam: list, get and set parameters, with the arguments and output of ROS 1."""
 
 import sys
 

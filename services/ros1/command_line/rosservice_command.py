@@ -1,5 +1,5 @@
 # ruff: noqa: D103
-"""rosservice: list, show and call services, with the words and the output of ROS 1."""
+"""rosservice: list, show and call services, with the arguments and output of ROS 1."""
 
 import sys
 

@@ -1,5 +1,5 @@
 # ruff: noqa: D103, B905
-"""rostopic: list, show, publish and measure topics, with the words and the output of ROS 1."""
+"""rostopic: list, show, publish and measure topics, with the arguments and output of ROS 1."""
 
 import argparse
 import sys
@@ -103,7 +103,7 @@ def text(value, noarr=False, nostr=False):
 
 
 def leaves(value, name=""):
-    """The plain values of a message by their dotted names."""
+    """Yield the scalar values of a message by dotted name."""
     if isinstance(value, genpy.Message):
         for each in value.__slots__:
             yield from leaves(getattr(value, each), f"{name}.{each}".lstrip("."))
@@ -181,7 +181,7 @@ def wait_until_seen(publisher, seconds=0.3):
 
 
 def split(args, with_value):
-    """Options before and between the words, and the words; what begins with - and a digit is a word, but for -1."""
+    """Separate options from arguments; - followed by a digit is an argument, except for -1."""
     own, words, rest = [], [], list(args)
     while rest:
         each = rest.pop(0)

@@ -1,4 +1,4 @@
-"""The verbs of ``elea bag`` on real processes and files: what they do, and how each bad input ends them."""
+"""The commands of ``elea bag`` on real processes and files: their results, and the exit after each bad input."""
 
 from __future__ import annotations
 

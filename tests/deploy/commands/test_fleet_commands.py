@@ -1,4 +1,4 @@
-"""Verbs against a running fleet that has a port and a domain of its own: they find it, and say what there is."""
+"""Commands against a running fleet with its own port and domain: they find and describe it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``interface list`` and ``interface show`` tell every type as its record has it."""
+"""``interface list`` and ``interface show`` describe every type as its record defines it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``elea sim`` against a running simulation: every doing, in words and as JSON, and what is refused."""
+"""``elea sim`` against a running simulation: every action, as text and as JSON, and refused input."""
 
 from __future__ import annotations
 

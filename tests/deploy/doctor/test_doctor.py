@@ -1,4 +1,4 @@
-"""``doctor``: each check says what it saw, why it matters, and what to do."""
+"""``doctor``: each check reports its finding, why it matters, and the remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``doctor`` on a fleet that runs: what is wrong with it, whom it names, and what it leaves alone."""
+"""``doctor`` on a running fleet: the problems it reports, the nodes it names, and what it leaves alone."""
 
 from __future__ import annotations
 

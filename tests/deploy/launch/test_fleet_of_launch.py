@@ -1,4 +1,4 @@
-"""A launch file becomes a fleet: robots of spawns, services of nodes, notes of what is left out."""
+"""A launch file becomes a fleet: robots from spawned models, services from nodes, notes about omissions."""
 
 from __future__ import annotations
 

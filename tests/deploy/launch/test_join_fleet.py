@@ -1,4 +1,4 @@
-"""Programs of a launch file beside a running fleet: restarted, ended together, with a status that tells."""
+"""Programs of a launch file in a running fleet: restarted, ended together, with a meaningful exit status."""
 
 from __future__ import annotations
 

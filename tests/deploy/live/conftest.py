@@ -1,4 +1,4 @@
-"""An idle fleet for the tests of the verbs on topics; they come last in this folder, so that it is in nobody's way."""
+"""An idle fleet for the tests of the topic commands; they run last in this folder, so that it disturbs no others."""
 
 from __future__ import annotations
 

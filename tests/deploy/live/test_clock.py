@@ -1,4 +1,4 @@
-"""The clock of those who look on, on a bus in memory: what time a moment had, and where that cannot be known."""
+"""The clock of observers, on an in-memory bus: the simulation time of a moment, and where it cannot be known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verbs on nodes and requests, the completion at the TAB key, and time that begins anew, on one fleet."""
+"""The commands on nodes and services, shell completion, and a reset of time, on one fleet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is another user of the machine neither hears nor drives the robots of a fleet."""
+"""Another user of the machine can neither receive from nor drive the robots of a fleet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rates from made-up samples: exact with losses, bursts, several senders and a time that begins anew."""
+"""Rates from synthetic samples: exact with losses, bursts, several publishers and a reset of time."""
 
 from __future__ import annotations
 

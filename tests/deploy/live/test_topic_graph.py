@@ -1,4 +1,4 @@
-"""Which topics there are, of which type, and who is at their ends, on a running fleet."""
+"""The topics of a running fleet, with their types and endpoints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person types becomes a message, or an error that names the place."""
+"""Typed text becomes a message, or an error that names the place."""
 
 from __future__ import annotations
 

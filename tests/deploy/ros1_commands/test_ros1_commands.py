@@ -1,4 +1,4 @@
-"""The commands of ROS 1 in a shell: what they call, and what the shell code sets."""
+"""The commands of ROS 1 in a shell: what they call, and the variables that the shell code sets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of the supervisor share: children as processes, a stage that runs them, and time limits."""
+"""Common parts of the supervisor's tests: child processes, a runner for them, and time limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A machine that is too busy: who waits for a processor is left alone, who hangs beside it is not."""
+"""On an overloaded machine, a process that waits for a CPU is left alone, and one that hangs is killed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A supervisor that is killed takes everything with it, children of its children too."""
+"""A killed supervisor leaves nothing running, including its children's children."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a process that ended itself has said last, as the terminal shows it."""
+"""The last message of a process that ended by itself, as shown on the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Orders that come together: whatever is asked, a name has one process, and the fleet ends with all of them."""
+"""Concurrent requests: a name never has two processes, and the fleet ends with all of them."""
 
 from __future__ import annotations
 

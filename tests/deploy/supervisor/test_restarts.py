@@ -1,4 +1,4 @@
-"""What the supervisor restarts, how soon, and when it gives up: crashes, hangs and crash loops of real processes."""
+"""What the supervisor restarts, how soon, and when it gives up: crashes, hangs and crash loops of processes."""
 
 from __future__ import annotations
 

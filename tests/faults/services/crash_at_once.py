@@ -1,4 +1,4 @@
-"""It lacks what it needs: it ends before it has joined the network."""
+"""Lacks a dependency: it exits before it has joined the network."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the faulty services share: they drive at full speed until they are told to fail."""
+"""Common parts of the faulty services: they drive at full speed until they are told to fail."""
 
 from __future__ import annotations
 

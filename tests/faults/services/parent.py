@@ -1,4 +1,4 @@
-"""It starts a process of its own, which does not know that it should end with anybody."""
+"""Starts a child process, which does not end with its parent."""
 
 from __future__ import annotations
 

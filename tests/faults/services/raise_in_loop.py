@@ -1,4 +1,4 @@
-"""Its loop raises what nobody expects."""
+"""Raises an unexpected exception in its loop."""
 
 from __future__ import annotations
 

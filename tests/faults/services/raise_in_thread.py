@@ -1,4 +1,4 @@
-"""A thread of its own dies, while its loop would go on."""
+"""One of its threads dies, while its loop would go on."""
 
 from __future__ import annotations
 

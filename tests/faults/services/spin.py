@@ -1,4 +1,4 @@
-"""Its loop never comes back from a calculation."""
+"""Its loop never returns from a calculation."""
 
 from __future__ import annotations
 

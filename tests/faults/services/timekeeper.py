@@ -1,4 +1,4 @@
-"""It is sound, and tells how time passes in its loop."""
+"""A healthy service that reports how time passes in its loop."""
 
 from __future__ import annotations
 

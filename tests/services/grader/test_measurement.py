@@ -1,4 +1,4 @@
-"""What the grader measures, on trajectories whose figures are known."""
+"""The grader's measurements, on trajectories with known figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Swarms whose ways cross: everybody arrives, and nobody touches anybody."""
+"""Swarms with crossing paths: all robots arrive, and none touch."""
 
 from __future__ import annotations
 

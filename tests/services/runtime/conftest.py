@@ -1,4 +1,4 @@
-"""An in-memory network and a clock by hand."""
+"""An in-memory network and a manual clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a controller imports from ``services.runtime``: it is all there, and no more than that."""
+"""The names that a controller imports from ``services.runtime``: all of them, and no others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a control loop without waits may do within a tick of lockstep."""
+"""The budget of a control loop without waits within a tick of lockstep."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the text of a script says about it, without its execution."""
+"""Facts about a script from its text, without executing it."""
 
 from __future__ import annotations
 

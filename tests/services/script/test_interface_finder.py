@@ -1,4 +1,4 @@
-"""Message packages at import: standard ones, those of a workspace beside its own modules, and what is missing."""
+"""Imports of message packages: standard ones, a workspace's with its own modules, and missing ones."""
 
 from __future__ import annotations
 

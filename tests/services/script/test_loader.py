@@ -1,4 +1,4 @@
-"""A script's own modules, what they import in place of Python's, and imports that are not there."""
+"""A script's own modules, the replacements of Python's that they import, and missing imports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole processes of scripts that run alone: how they end, and what they say."""
+"""Whole processes of scripts that run alone: their exits and their output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a script's process has around it."""
+"""The environment of a script's process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Python 2 as it is loaded, points in loops, and the lines of errors."""
+"""Python 2 as loaded, points in loops, and the lines of errors."""
 
 from __future__ import annotations
 

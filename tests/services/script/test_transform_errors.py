@@ -1,4 +1,4 @@
-"""What tf2 says of a missing transform, word for word."""
+"""tf2's errors for a missing transform, word for word."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Waits in ROS time end with what is awaited, after simulated time, and at a reset."""
+"""Waits in ROS time end when their condition holds, after simulation time, and at a reset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A base tells what it touches, and counts each collision once."""
+"""A base reports its contacts, and counts each collision once."""
 
 from __future__ import annotations
 

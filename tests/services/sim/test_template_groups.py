@@ -1,4 +1,4 @@
-"""Groups of templates give what each of them gives."""
+"""Groups of templates give the same results as single templates."""
 
 from __future__ import annotations
 

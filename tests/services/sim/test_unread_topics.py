@@ -1,4 +1,4 @@
-"""What nobody reads is not made; who reads gets every sample from then on."""
+"""Messages without a subscriber are not created; a new subscriber gets every sample from then on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is published of a world's look."""
+"""The published markers of a world's appearance."""
 
 import math
 from pathlib import Path

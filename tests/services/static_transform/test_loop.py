@@ -1,4 +1,4 @@
-"""The static transform service: one latched transform, and what is none."""
+"""The static transform service: one latched transform, and invalid ones."""
 
 from __future__ import annotations
 

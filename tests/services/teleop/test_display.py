@@ -1,4 +1,4 @@
-"""What the person sees."""
+"""The display of teleop."""
 
 from __future__ import annotations
 

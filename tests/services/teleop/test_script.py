@@ -1,4 +1,4 @@
-"""Scripts of keys: what a keyboard would send."""
+"""Key scripts: what a keyboard would send."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Was given what cannot be right."""
+"""Exits because its input is wrong."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Beats, says that its node ends, and crashes a while after that; when it is asked to end, it ends well at once."""
+"""Publishes heartbeats, reports that its node ends, and crashes later; when asked to end, exits well at once."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Beats once, then never comes back from a calculation."""
+"""Publishes one heartbeat, then never returns from a calculation."""
 
 from tests.deploy.supervisor.faulty.heartbeat import send_heartbeat, start
 

@@ -1,4 +1,4 @@
-"""``param`` says of a parameter what an annotation says."""
+"""``param`` declares a parameter as an annotation does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every transport must do alike."""
+"""The behaviour that all transports share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the requests for joints, links and models refuse, and what they name instead."""
+"""Rejected requests for joints, links and models, and the alternatives that the errors name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the world refuses, moves and reports."""
+"""What the world rejects, moves and reports."""
 
 from __future__ import annotations
 
