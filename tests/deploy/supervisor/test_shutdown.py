@@ -15,6 +15,7 @@ from deploy.supervisor.supervisor import Supervisor
 from messages.elea import Health
 from tests.deploy.supervisor.supervisor_harness import (
     FAST_POLICY,
+    WITHIN_S,
     SupervisorHarness,
     faulty_process,
     has_ended,
@@ -26,7 +27,7 @@ from tests.deploy.supervisor.supervisor_harness import (
 
 async def run_to_end(stage: SupervisorHarness, *processes: ProcessSpec) -> tuple[str, str]:
     try:
-        outcome = await asyncio.wait_for(stage.supervisor(*processes).run(), 30)
+        outcome = await asyncio.wait_for(stage.supervisor(*processes).run(), WITHIN_S)
         return outcome.ended, outcome.reason
     finally:
         stage.warden.close()

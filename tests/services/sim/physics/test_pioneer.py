@@ -134,11 +134,11 @@ def _bumps_and_stays_down(states: list[BodyState]) -> None:
 
 
 def _against_a_wall(new_world: NewWorld, at: Pose3, speed: float, height: float) -> list[BodyState]:
-    """Six seconds of driving against a wall whose face is the plane x = 1 m."""
+    """Five seconds of driving against a wall whose face is the plane x = 1 m."""
     wall = Box(name="wall", size=(0.2, 40.0, height), position=(1.1, 0.0, height / 2))
     with new_world(WorldDescription(boxes=(wall,))) as world:
         world.spawn(robot_body("robot", "p3dx", at))
         driver = replace(Drive.of(WHEELS), ramp=WheelRamp(acceleration=1.0))
-        states = drive_robots([DrivenRobot(world, "robot", driver)], speed, 0.0, 6.0)
+        states = drive_robots([DrivenRobot(world, "robot", driver)], speed, 0.0, 5.0)
         assert world.contacts()
         return states
