@@ -18,7 +18,7 @@ from services.panel.address import ADDRESS_FILE, read_address
 from services.runtime.process import ROOT
 from tests.faults.fleet_files import FLEET_HEADER, robot_table, waypoint_entry
 from tests.faults.supervised_fleet import START_S, SupervisedFleet
-from tests.faults.test_killed_simulation import LANDING
+from tests.faults.test_killed_processes import LANDING
 from tests.harness.fork_server import ForkedVerb
 from tests.harness.robot_recorder import STANDSTILL_SPEED
 from tests.harness.waiting import wait_until

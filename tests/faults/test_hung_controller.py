@@ -1,4 +1,4 @@
-"""Faults 2 and 3: a controller's loop hangs, or it is frozen, while its process and its token live on."""
+"""Faults 2 and 3: a controller's loop hangs, or it freezes and may go on later, while its process lives on."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import signal
 import psutil
 
 from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S
-from tests.faults.supervised_fleet import SupervisedFleet
+from messages.requests import SUPERVISOR_START, SUPERVISOR_STOP, Name
+from tests.faults.supervised_fleet import SupervisedFleet, send_signal
 from tests.harness.cases import case
-from tests.harness.robot_recorder import LATEST_STOP_S
+from tests.harness.processes import start_service
+from tests.harness.robot_recorder import LATEST_STOP_S, STANDSTILL_SPEED
 
+FROZEN = "tb3_0/waypoint"
 CONTROLLERS = {
-    "tb3_0": "tb3_0/waypoint",
+    "tb3_0": FROZEN,
     "tb3_1": "tb3_1/deadlock",
     "tb3_2": "tb3_2/spin",
     "tb3_3": "tb3_3/gil",
@@ -50,3 +53,49 @@ def test_the_robots_stop_and_the_watchdog_replaces_the_controllers(driving: Supe
             assert found, driving.log(name)
             assert float(found[1]) >= HEARTBEAT_TIMEOUT_S
             assert not psutil.pid_exists(before[robot].pid)
+
+
+def test_a_short_freeze_stops_the_robot_until_a_fresh_command(driving: SupervisedFleet) -> None:
+    """Less than the three heartbeats after which a controller would be replaced."""
+    robot, before = driving.robot("tb3_0"), driving.process(FROZEN)
+    driving.wait_full_speed("tb3_0")
+    frozen = driving.send_signal(FROZEN, signal.SIGSTOP)
+    driving.wait(lambda: robot.first_stop_after(frozen), "a robot that stands")
+    assert driving.recorder.alive(f"/{FROZEN}")
+    continued = driving.send_signal(FROZEN, signal.SIGCONT)
+    assert robot.seconds_to_stop(frozen) <= LATEST_STOP_S
+
+    driving.wait_full_speed("tb3_0")
+    fresh = robot.first_command_after(frozen)
+    assert fresh is not None
+    assert fresh > continued
+    assert robot.uncommanded_motion(frozen, continued) == []
+    assert driving.process(FROZEN) == before
+
+
+def test_a_frost_longer_than_the_lease_without_a_supervisor(driving: SupervisedFleet) -> None:
+    """Its links are closed meanwhile; when it goes on, it must join anew before it may drive."""
+    robot, node = driving.robot("tb3_0"), driving.recorder.node
+    node.call(SUPERVISOR_STOP, Name(name=FROZEN))
+    driving.wait(lambda: driving.process(FROZEN).state == "stopped", "a controller that is stopped")
+    driving.wait(lambda: robot.speed < STANDSTILL_SPEED, "a robot that nobody drives")
+    goal = ("--param", "goals=[[1000, 0]]")
+    arguments = ("--namespace", "/tb3_0", "--connect", driving.endpoint, *goal)
+    with start_service("waypoint", *arguments, logs=driving.folder) as controller:
+        driving.wait_full_speed("tb3_0")
+        driving.wait(lambda: driving.recorder.alive(f"/{FROZEN}"), "the token of the new controller")
+        frozen = send_signal(controller.pid, signal.SIGSTOP)
+        driving.wait(lambda: not driving.recorder.alive(f"/{FROZEN}"), "the end of the lease of 2 s")
+        driving.wait(lambda: robot.first_stop_after(frozen), "a robot that stands")
+        continued = send_signal(controller.pid, signal.SIGCONT)
+        assert robot.seconds_to_stop(frozen) <= LATEST_STOP_S
+
+        driving.wait_full_speed("tb3_0")
+        fresh = robot.first_command_after(frozen)
+        assert fresh is not None
+        assert fresh > continued
+        assert robot.uncommanded_motion(frozen, continued) == []
+    assert controller.status == 0, controller.text
+    node.call(SUPERVISOR_START, Name(name=FROZEN))
+    driving.wait_ready(FROZEN)
+    driving.wait_full_speed("tb3_0")

@@ -48,6 +48,15 @@ def bare_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLine
         terminal.run("down")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def second_fleet(bare_fleet: CommandLine) -> Iterator[subprocess.Popen[str]]:
+    """Another fleet on the same port: it waits a second for the other to end, beside the first test."""
+    second = bare_fleet.start_fleet("lab", bare_fleet.folder / "second", "--duration", "1")
+    yield second
+    if second.returncode is None:
+        bare_fleet.finish(second)
+
+
 @pytest.fixture
 def node(bare_fleet: CommandLine) -> Iterator[Node]:
     identity = Identity.of("tester")
@@ -114,8 +123,10 @@ def test_any_user_of_the_machine_may_drive_this_fleet_and_is_told_so(bare_fleet:
     wait_until(lambda: abs(speed(truth.received()[-1])) < 1e-3, WITHIN_S, "its silence stops the robot")
 
 
-def test_a_second_fleet_is_told_who_holds_the_port(bare_fleet: CommandLine) -> None:
-    refused = bare_fleet.run_fleet("lab", bare_fleet.folder / "second", "--duration", "1")
+def test_a_second_fleet_is_told_who_holds_the_port(
+    bare_fleet: CommandLine, second_fleet: subprocess.Popen[str]
+) -> None:
+    refused = bare_fleet.finish(second_fleet)
     assert refused.status == 2
     assert f"port {bare_fleet.port} is held by the fleet bare (supervisor " in refused.err
     assert "--port" in refused.err

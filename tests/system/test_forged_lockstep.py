@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import signal
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import msgpack
 import psutil
-import pytest
 import zenoh
 
 from messages.base import raw_decoder
@@ -136,20 +137,16 @@ class Forger:
         self.hide()
 
 
-@pytest.fixture(scope="module")
-def terminal(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
-    return CommandLine(tmp_path_factory.mktemp("forged"))
-
-
 def run(
-    terminal: CommandLine, name: str, disturb: Callable[[Forger, Callable[[], bool]], None], laps: int = 1
+    folder: Path, name: str, disturb: Callable[[Forger, Callable[[], bool]], None], laps: int = 1
 ) -> tuple[int, Any, str]:
     """A run with a stranger in it: exit status, report, and all logs."""
-    (terminal.folder / "fleet.toml").write_text(FLEET.replace("goals = [[", f"laps = {laps}, goals = [["))
-    results = terminal.folder / name
+    terminal = CommandLine(folder)
+    (folder / f"{name}.toml").write_text(FLEET.replace("goals = [[", f"laps = {laps}, goals = [["))
+    results = folder / name
     arguments = [
         "up",
-        "fleet.toml",
+        f"{name}.toml",
         "--port",
         str(terminal.port),
         "--report",
@@ -183,9 +180,7 @@ def _nothing(forger: Forger, runs: Callable[[], bool]) -> None:
     pass
 
 
-def test_what_strangers_say_changes_nothing_and_is_counted(terminal: CommandLine) -> None:
-    status, undisturbed, _ = run(terminal, "alone", _nothing)
-    assert (status, undisturbed["ok"]) == (0, True)
+def test_what_strangers_say_changes_nothing_and_is_counted(tmp_path: Path) -> None:
     rounds = 0
 
     def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
@@ -206,7 +201,11 @@ def test_what_strangers_say_changes_nothing_and_is_counted(terminal: CommandLine
             heard = forger.clocks
             wait_until(lambda h=heard: forger.clocks > h + EVERY or not runs(), RUN_S, "time to go on")  # type: ignore[misc]
 
-    status, disturbed, logs = run(terminal, "forged", disturb)
+    with ThreadPoolExecutor(1) as pool:
+        alone = pool.submit(run, tmp_path, "alone", _nothing)
+        status, disturbed, logs = run(tmp_path, "forged", disturb)
+        alone_status, undisturbed, _ = alone.result()
+    assert (alone_status, undisturbed["ok"]) == (0, True)
     assert "Traceback" not in logs
     assert disturbed["run"]["trajectory_hash"] == undisturbed["run"]["trajectory_hash"], logs
     assert (disturbed["run"]["members_lost"], disturbed["run"]["members_left"]) == (0, 0), logs
@@ -217,17 +216,17 @@ def test_what_strangers_say_changes_nothing_and_is_counted(terminal: CommandLine
     assert "a Done is refused" in logs
 
 
-def test_a_member_that_dies_makes_the_report_say_so(terminal: CommandLine) -> None:
+def test_a_member_that_dies_makes_the_report_say_so(tmp_path: Path) -> None:
     def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
         wait_until(lambda: forger.clocks > EVERY, START_S, "time to go on")
         # However slow this process is, the run is not over before it has killed.
         forger.ask("sim/pause", {})
-        state = json.loads((terminal.folder / "killed" / "processes.json").read_text())
+        state = json.loads((tmp_path / "killed" / "processes.json").read_text())
         (pid,) = (each["pid"] for each in state["processes"] if each["name"] == WAYPOINT.strip("/"))
         psutil.Process(pid).send_signal(signal.SIGKILL)
         forger.ask("sim/resume", {})
 
-    status, report, logs = run(terminal, "killed", disturb, laps=2)
+    status, report, logs = run(tmp_path, "killed", disturb, laps=2)
     assert (status, report["ok"]) == (1, False)
     assert report["run"]["members_lost"] == 1
     assert [each["name"] for each in report["checks"] if each["value"] == 1 and not each["ok"]] == ["members_lost"]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -75,24 +77,31 @@ def terminal(tmp_path: Path) -> CommandLine:
     return CommandLine(tmp_path)
 
 
-def _report(terminal: CommandLine, name: str, fleet: str) -> tuple[dict[str, Any], str]:
-    file = terminal.folder / f"{name}.toml"
+def _report(folder: Path, name: str, fleet: str) -> tuple[dict[str, Any], str]:
+    terminal, file = CommandLine(folder), folder / f"{name}.toml"
     file.write_text(fleet)
-    ended = terminal.run_fleet(file, terminal.folder / name, "--json")
+    ended = terminal.run_fleet(file, folder / name, "--json", "--no-saved")
     assert ended.out, ended.err
     report: dict[str, Any] = json.loads(ended.out)
     return report, ended.err
 
 
 def test_the_run_is_the_same_and_a_crash_takes_all_nodes_of_the_process(terminal: CommandLine) -> None:
-    apart, said = _report(terminal, "apart", FLEET.replace('share = "control"', ""))
+    fleets = {
+        "apart": FLEET.replace('share = "control"', ""),
+        "together": FLEET,
+        "crashed": FLEET.replace("1e9", "1.0"),
+    }
+    with ThreadPoolExecutor(len(fleets)) as pool:
+        runs = dict(zip(fleets, pool.map(partial(_report, terminal.folder), fleets, fleets.values()), strict=True))
+    apart, said = runs["apart"]
     assert "7 processes," in said
-    together, said = _report(terminal, "together", FLEET)
+    together, said = runs["together"]
     assert "5 processes with 7 nodes," in said
     assert together["run"]["trajectory_hash"] == apart["run"]["trajectory_hash"]
     assert (together["run"]["messages_lost"], together["run"]["nodes_absent"]) == (0, 0)
 
-    crashed, said = _report(terminal, "crashed", FLEET.replace("1e9", "1.0"))
+    crashed, said = runs["crashed"]
     (note,) = [each for each in crashed["notes"] if "control" in each]
     assert note == (
         "the process control of /tb3_0/waypoint, /tb3_1/waypoint, /p3dx/own has ended: exit status 1: "
