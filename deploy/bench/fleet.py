@@ -122,7 +122,7 @@ FROM_S, TO_S = 3.0, 8.0
 
 
 def measure_idle(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
-    """Measure the fleet ``bare`` in real time, standing still."""
+    """Measure the fleet IDLE_FLEET in real time."""
     cpu: dict[str, list[float]] = {}
     memory: dict[str, list[float]] = {}
     for number in range(rounds):

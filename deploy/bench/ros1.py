@@ -151,7 +151,7 @@ def _script(file: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def _beside_a_fleet(rounds: int, folder: Path, port: int) -> list[Figure]:
-    """Measure start and memory of a listener, and the processor time of a busy loop, in the fleet ``bare``."""
+    """Measure start and memory of a listener, and the processor time of a busy loop, beside a fleet."""
     starts, memory, busy = [], [], []
     with (
         BenchFleet(BESIDE, folder / "beside", port, "--mode", "real") as fleet,

@@ -50,15 +50,15 @@ class FleetBus(Protocol):
         ...
 
     def answer_requests(self, handle_action: ActionHandler) -> bool:
-        """Answer the pending requests."""
+        """Answer some of the pending requests; return whether more are pending."""
         ...
 
 
 POLL_PERIOD_S = 0.1
 """Wall time between two checks of heartbeats and requests."""
 BUSY_POLL_PERIOD_S = 0.02
-"""The same while orders wait, and while a process starts: others wait until its first heartbeat is seen, and the start
-is a chain of such."""
+"""The same while requests are pending, and while a process starts: others wait for its first heartbeat, so these delays
+add up over the start."""
 
 LATE_POLL_S = 0.5
 """Delay [s] of a check beyond which the processes' silence does not count: the supervisor itself did not run."""

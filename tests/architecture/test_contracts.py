@@ -1,4 +1,4 @@
-"""The import contracts hold on this tree, and a violation planted for each of them is found."""
+"""Each import contract finds a planted violation; ``test_static`` checks that they hold on this tree."""
 
 from __future__ import annotations
 
