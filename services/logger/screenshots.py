@@ -157,6 +157,8 @@ PALETTE_SIZE = 256
 """Number of colours in an image, including those of the robots: a third of the size, without a visible difference."""
 LOAD_TIMEOUT_S = 60.0
 """Maximum wall time [s] for the viewer to start and load the recording; a lap of four robots takes about 2 s."""
+DRAW_TIMEOUT_S = 60.0
+"""Maximum wall time [s] to draw one image, in software on a busy machine."""
 SETTLE_TIMEOUT_S = 30.0
 """Maximum wall time [s] for the image to settle."""
 SETTLE_PERIOD_S = 0.7
@@ -232,6 +234,8 @@ def headless_viewer(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerC
             raise BadInput(f"the viewer cannot be started: {error}") from None
         try:
             yield _loaded(process, f"rerun+http://127.0.0.1:{port}/proxy", rrd)
+        except TimeoutError:
+            raise BadInput(f"no picture: the viewer did not answer in time about {rrd}: is the machine busy?") from None
         except (RuntimeError, ConnectionError) as error:
             output.seek(0)
             raise BadInput(_failure_reason(output.read().decode(errors="replace"), str(error))) from None
@@ -254,7 +258,7 @@ def _loaded(process: subprocess.Popen[bytes], url: str, rrd: Path) -> ViewerClie
         try:
             viewer = viewer or ViewerClient.connect(url)
             state = viewer.get_state()
-        except (RuntimeError, ConnectionError):
+        except (RuntimeError, ConnectionError, TimeoutError):
             viewer = None
         else:
             if state.recordings and not state.loading and state.recordings[0].timelines:
@@ -276,13 +280,24 @@ def _timeline(viewer: ViewerClient) -> tuple[str, float]:
 def _settled_image(viewer: ViewerClient) -> bytes:
     """Return a PNG of the view once it no longer changes and is complete; the last one if it never settles."""
     deadline = time.monotonic() + SETTLE_TIMEOUT_S
-    before, now = b"", viewer.take_screenshot()
+    before, now = b"", _image(viewer)
     while time.monotonic() < deadline:
         if now == before and not viewer.get_transform_graph()["missing_chunks"]:
             break
         time.sleep(SETTLE_PERIOD_S)
-        before, now = now, viewer.take_screenshot()
+        before, now = now, _image(viewer)
     return now
+
+
+def _image(viewer: ViewerClient) -> bytes:
+    """Return a PNG of the view; raises TimeoutError if it is not drawn within DRAW_TIMEOUT_S."""
+    deadline = time.monotonic() + DRAW_TIMEOUT_S
+    while True:
+        try:
+            return viewer.take_screenshot()
+        except TimeoutError:  # the client itself waits for 15 s at most
+            if time.monotonic() > deadline:
+                raise
 
 
 def _check(viewer: ViewerClient, rrd: Path) -> None:

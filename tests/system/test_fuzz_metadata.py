@@ -1,4 +1,4 @@
-"""Ten thousand cases of what travels beside payloads: numbers, stamps, ids, encodings, tokens, Go, Done, requests.
+"""Twenty thousand cases of what travels beside payloads: numbers, stamps, ids, encodings, tokens, Go, Done, requests.
 
 A stranger sends them to a fleet under its supervisor. No process ends, no robot moves, and after every burst the true
 commander and the true stop are heard; what was refused is counted where ``doctor`` shows it.
@@ -50,8 +50,8 @@ from tests.harness.external_client import external_client
 from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, distance
 from tests.harness.waiting import wait_until
 
-BURSTS, DRAWN, VICTIMS, TIMES = 50, 20, 5, 2
-"""Together 10,000 cases: each that is drawn is aimed at five topics, senders or services in turn, twice at each."""
+BURSTS, DRAWN, VICTIMS, TIMES = 100, 20, 5, 2
+"""Together 20,000 cases: each that is drawn is aimed at five topics, senders or services in turn, twice at each."""
 EVERY = 10
 """Bursts between two looks at whether the true commander is heard: each takes a second of simulation time."""
 MUTED = 7
