@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.names import key as key_of
@@ -44,7 +44,8 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
         SeveralServers: More than one process answered.
     """
     began, sent, key, failure = time.monotonic(), False, request.name[1:], ""
-    payload = encode(message)
+    pattern, payload = token_pattern("srv", "*", request.name), encode(message)
+    unsure, absent_since = "", began
     while True:
         left = timeout - (time.monotonic() - began)
         if sent and left <= 0:
@@ -52,12 +53,22 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
                 f"{request.name} did not answer within {timeout:g} s: "
                 f"it is unknown whether the request was carried out{failure}"
             )
-        if not sent and (absence := _look_for_server(transport, request)):
-            waited = time.monotonic() - began
-            if waited > min(timeout, LAST_TRY_S if absence.certain else timeout):
-                raise CallFailed(absence.reason)
-            time.sleep(_PAUSE_S)
-            continue
+        if not sent:
+            try:
+                servers = transport.all_tokens(pattern)
+            except TryAgain as error:
+                servers, unsure = transport.tokens(pattern, _PAUSE_S), f"nothing was sent to {request.name}: {error}"
+                absent_since = time.monotonic()
+            if not servers:
+                now = time.monotonic()
+                if unsure and now - began > timeout:
+                    raise CallFailed(unsure)
+                if now - absent_since > min(timeout, LAST_TRY_S):
+                    raise CallFailed(
+                        f"no server for {request.name}, nothing was sent: is the process that provides it running?"
+                    )
+                time.sleep(_PAUSE_S)
+                continue
         sent = True
         replies = transport.query(key, payload, max(min(left, TRY_TIMEOUT_S), _PAUSE_S))
         check_single(request.name, replies, transport)
@@ -69,26 +80,6 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
                     raise CallFailed(reason)
                 failure = f"; the last answer: {reason}"
         time.sleep(_PAUSE_S)
-
-
-class _Absence(NamedTuple):
-    """No server of a request is visible; ``certain`` if the network has reported all tokens."""
-
-    reason: str
-    certain: bool
-
-
-def _look_for_server(transport: Transport, request: Request[Any, Any]) -> _Absence | None:
-    """Return None if a server of the request is visible. If the network is too busy to report all tokens, its absence
-    is not certain.
-    """
-    pattern = token_pattern("srv", "*", request.name)
-    try:
-        if transport.tokens(pattern) or transport.all_tokens(pattern):
-            return None
-    except TryAgain as error:
-        return _Absence(f"{request.name} cannot be found, nothing was sent: {error}", False)
-    return _Absence(f"no server for {request.name}, nothing was sent: is the process that provides it running?", True)
 
 
 def _decode_reply(request: Request[Q, R], payload: bytes) -> R:
