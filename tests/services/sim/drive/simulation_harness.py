@@ -1,4 +1,4 @@
-"""The simulation in one process: real PyBullet, the transport in memory, time that only the test advances."""
+"""The simulation in one process: a real physics engine, the in-memory transport, and time advanced by the test."""
 
 from __future__ import annotations
 
@@ -65,43 +65,43 @@ class SimulationHarness:
 
     @property
     def now(self) -> float:
-        """Simulation time, s."""
+        """Simulation time [s]."""
         return self.simulation.now / 1e9
 
     def subscribe(self, topic: Topic[Any]) -> None:
-        """Keep what comes on a topic of the robot from now on."""
+        """Subscribe to a topic of the robot and keep its messages."""
         key = f"{NAME}/{topic.name}"
         self._inputs[topic.name] = Subscriber(topic, f"/{key}", key, self._transport), []
 
     def received(self, topic: Topic[M]) -> list[M]:
-        """What has come on it, oldest first."""
+        """Return all messages of a subscribed topic, oldest first."""
         came, messages = self._inputs[topic.name]
         came.update()
         messages += [message for message, _ in came.messages]
         return messages
 
     def latest(self, topic: Topic[M]) -> M:
-        """The newest of it."""
+        """Return the latest message of a topic."""
         return self.received(topic)[-1]
 
     def publish(self, topic: Topic[Any], message: Message, sender: str = "/controller") -> None:
-        """Publish as a node."""
+        """Publish on a topic of the robot as the node ``sender``."""
         if (topic.name, sender) not in self._outputs:
             key = f"{NAME}/{topic.name}"
             self._outputs[topic.name, sender] = Publisher(topic, f"/{key}", key, sender, self._transport)
         self._outputs[topic.name, sender].publish(message)
 
     def run(self, seconds: float) -> None:
-        """Let simulation time go on."""
+        """Advance simulation time by ``seconds``."""
         for _ in range(round(seconds * 1e9 / STEP_NS)):
             self.publish_state()
             if self.simulation.tick % CONTROL_STEPS == 0:
-                # Factor 0: how long the test's own process dawdles makes no command older.
+                # Factor 0: delays of the test process make no command older.
                 self.simulation.read_inputs(None, 0.0)
             self.simulation.step()
 
     def publish_state(self) -> None:
-        """Publish what is due at this tick, once."""
+        """Publish the messages due at this tick, once."""
         at = self.simulation.epoch, self.simulation.tick
         if self._published != at:
             self._published = at
