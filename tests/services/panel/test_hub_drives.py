@@ -35,9 +35,7 @@ def test_a_hand_that_stays_drives_twenty_times_a_second_and_one_that_falls_silen
 
 
 def test_a_hand_that_comes_back_is_obeyed_at_once(at: HubHarness) -> None:
-    """The publisher is removed when others may drive; its numbering must continue, or bases drop its commands as
-    old.
-    """
+    """The publisher is removed when others may drive; its numbering must continue, or bases drop its commands."""
     page = at.page()
     at.send(page, Subscribe(channels=("clock",)))
     for _ in range(20):

@@ -108,7 +108,7 @@ class SimulationHarness:
             self.simulation.publish()
 
     def drive(self, v: float, w: float, seconds: float, period: float = 0.04) -> None:
-        """Command at 25 Hz for a time, a whole number of control ticks."""
+        """Publish a command at 25 Hz for ``seconds``, a whole number of control ticks."""
         ticks = round(seconds / CONTROL_S)
         for tick in range(ticks):
             if tick % round(period / CONTROL_S) == 0:
@@ -116,7 +116,7 @@ class SimulationHarness:
             self.run(CONTROL_S)
 
     def call(self, request: Request[M, R], message: M) -> R:
-        """Ask the simulation as another process would; raises CallFailed."""
+        """Call the simulation as another process does; raises CallFailed."""
         with ThreadPoolExecutor(1) as pool:
             key = request.name.lstrip("/")
             asked = pool.submit(call, MemoryTransport(self.bus), request, key, message, 20.0)
@@ -126,7 +126,7 @@ class SimulationHarness:
             return asked.result()
 
     def publish_raw(self, topic: Topic[Any], payload: bytes) -> None:
-        """Publish as a program that is not ours."""
+        """Publish a payload as a foreign program does."""
         key = f"{NAME}/{topic.name}"
         self._transport.advertise(key, encoding(topic.record.ROS_TYPE), topic.quality).put(payload, attachment=b"")
 
@@ -136,12 +136,12 @@ class SimulationHarness:
         return self.robot.actuation.controller
 
     def status(self) -> BaseStatus:
-        """What the base says of itself."""
+        """The base's current status."""
         self.robot.publish_status(self.simulation.now)
         return self.latest(BASE_STATUS)
 
     def truth(self) -> Odometry:
-        """Where the robot is now."""
+        """The robot's current ground truth."""
         self.publish_state()
         return self.latest(GROUND_TRUTH)
 
@@ -154,7 +154,7 @@ def run_simulation(
     engine: Engine | None = None,
     **parameters: object,
 ) -> Iterator[SimulationHarness]:
-    """A robot ``p3dx`` of some model alone in an empty world."""
+    """Run a simulation with one robot, named ``p3dx`` whatever its model, in an empty world."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     with (
         open_world(engine or default_engine(), WorldDescription(), STEP_NS) as world,
@@ -167,5 +167,5 @@ def run_simulation(
 
 
 def base_parameters(**parameters: object) -> BaseParameters:
-    """Parameters as a fleet file gives them."""
+    """Build base parameters as from a fleet file."""
     return build(BaseParameters, parameters)
