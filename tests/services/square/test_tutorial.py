@@ -58,9 +58,7 @@ def test_it_does_what_the_original_does(phase: float) -> None:
 
 
 def test_it_misses_by_what_was_computed_for_it() -> None:
-    """As computed for the tutorial: each turn counts as done at 90.3, 184.8, 279.4, 373.9 degrees; the end is 17
-    off.
-    """
+    """As computed for the tutorial: turns count as done at 90.3, 184.8, 279.4, 373.9 degrees; the end is 17 off."""
     run = list(drive(SquareParameters(law="tutorial"), IdealBase()))
     turned = [math.degrees(each.pose.yaw) for each in run if each.move.state == "reached"]
     assert turned == pytest.approx([90.3, 184.8, 279.4, 373.9], abs=2.0)
