@@ -19,7 +19,7 @@ tcp = true
 
 
 def person(folder: Path, port: int) -> CommandLine:
-    """A user's command line with a home and a data folder, and a fleet file in its working directory."""
+    """Return a user's command line with a home and a data folder, and a fleet file in its working directory."""
     folder.mkdir()
     made = CommandLine(folder)
     del made.environment["XDG_STATE_HOME"]

@@ -108,7 +108,7 @@ class EmergencyStopHarness:
         return self.fleet.wait_restarted(before)
 
     def watch_it_stand(self, since: int) -> None:
-        """Assert that it stands still after ``since`` [ns], while its controller commands it and the other robot
+        """Assert that it stands still after ``since`` [ns], while its controller commands it and the other one
         drives.
         """
         other, commands = self.fleet.robot(FREE), len(self.robot.command_instants)

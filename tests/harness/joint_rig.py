@@ -60,11 +60,11 @@ class JointRig:
             self.now += STEP_NS
 
     def position(self, joint: str) -> float:
-        """A joint's position [rad or m]."""
+        """Return a joint's position [rad or m]."""
         return dict(zip(self.body.joints, self.body.joint_readings().position, strict=True))[joint]
 
     def velocity(self, joint: str) -> float:
-        """A joint's velocity [rad/s or m/s]."""
+        """Return a joint's velocity [rad/s or m/s]."""
         return dict(zip(self.body.joints, self.body.joint_readings().velocity, strict=True))[joint]
 
 

@@ -59,16 +59,16 @@ class GroundTruthRecorder(MessageRecorder[Odometry]):
 
 
 def time_of(sample: Odometry) -> float:
-    """Simulation time of a sample [s]."""
+    """Return the simulation time of a sample [s]."""
     return sample.header.stamp.ns / 1e9
 
 
 def distance(one: Odometry, other: Odometry) -> float:
-    """Distance in the x-y plane between two samples [m]."""
+    """Return the distance in the x-y plane between two samples [m]."""
     a, b = one.pose.pose.position, other.pose.pose.position
     return hypot(a.x - b.x, a.y - b.y)
 
 
 def speed(sample: Odometry) -> float:
-    """Forward speed [m/s]."""
+    """Return the forward speed of a sample [m/s]."""
     return sample.twist.twist.linear.x

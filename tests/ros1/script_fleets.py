@@ -70,12 +70,12 @@ def run_until_said(
     """Run a fleet of this folder in real time until its programs have printed their lines, then end it with Ctrl-C.
 
     Args:
-        fleet: Its name.
-        folder: The run's.
-        said: Lines that are waited for.
-        options: Those of the run.
-        begun: Lines of which the first words are enough.
-        flooded: A robot whose program never waits: commands to it may be lost, and no other message.
+        fleet: Name of the fleet.
+        folder: Working folder of the run.
+        said: Lines to wait for, by process.
+        options: Further options of ``up``.
+        begun: Lines to wait for of which only the first word must match.
+        flooded: A robot whose program never waits: only commands to it may be lost, no other messages.
     """
     terminal = _terminal(folder)
     started = _start(terminal, fleet, "real", "--set", "run.ends=never", *options)

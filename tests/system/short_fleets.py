@@ -50,7 +50,7 @@ def short_lab(path: Path) -> Path:
 
 
 def reordered_lab(path: Path) -> Path:
-    """Write the short lab in reverse: logger first, last robot first, controllers under their robots; return the
+    """Write the short lab in reverse: logger first, last robot first, controllers below their robots; return the
     path.
     """
     lab = tomllib.loads(short_lab(path).read_text())

@@ -39,7 +39,7 @@ TIMEOUT = BaseParameters().cmd_vel_timeout
 PERIOD = 1 / RATE
 """Simulation time between two commands [s]."""
 END = 3.2
-"""Simulation time [s] of the tick in which the controller ends; the fastest robot is at speed after 0.75 / 0.3 s."""
+"""Simulation time [s] of the tick in which the controller ends; the fastest robot needs 0.75 / 0.3 = 2.5 s to speed."""
 STANDING = 1e-3
 """Speed [m/s] below which a robot counts as stopped."""
 STEP_S = STEP_NS / 1e9

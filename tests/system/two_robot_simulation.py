@@ -41,7 +41,7 @@ class TwoRobotSimulation:
 
     @property
     def memory(self) -> float:
-        """Return the simulation's resident memory [MiB]."""
+        """The simulation's resident memory [MiB]."""
         return psutil.Process(self.sim.pid).memory_info().rss / 2**20
 
 

@@ -91,7 +91,7 @@ def test_it_reads_and_changes_values_as_in_ros(tmp_path: Path) -> None:
 
 
 def _sorted_by_place(kind: int, gain: float) -> str:
-    """The parameters of a group, in the order of the file."""
+    """Return a group's parameters, in the order of the file."""
     return (
         f"'Kp': {gain}, 'Kd': 1.0, 'reference_type': {kind}, 'ref_angle': 0.0, 'sin_ref_gain': 30.0, 'sin_ref_f': 0.2"
     )

@@ -16,7 +16,7 @@ from tests.harness.waiting import wait_until
 
 
 def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet) -> None:
-    """The exit status tells whether everything requested was received."""
+    """The exit status shows whether everything requested was received."""
     verbs = {
         ("echo",): (0, "---"),
         ("hz",): (0, "lost: "),

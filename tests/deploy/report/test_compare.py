@@ -82,7 +82,7 @@ def test_a_run_with_another_parameter_differs_from_its_first_command_on(runs: Ru
 
 
 def planted(runs: Runs, folder: Path, change: Callable[[Path], None]) -> Path:
-    """A copy of the right-hand run with a change."""
+    """Return a copy of the right-hand run with a change."""
     shutil.copytree(runs.right, folder)
     change(folder)
     return folder

@@ -40,7 +40,7 @@ def exercised(
 
 
 def lagging(time: float) -> float:
-    """A first-order response from 1 s on, to 29 of the 30 commanded degrees."""
+    """Return a first-order response [deg] from 1 s on, to 29 of the 30 commanded degrees."""
     return 29.0 * (1.0 - math.exp(-(time - 1.0) / LAG)) if time > 1.0 else 0.0
 
 

@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
 
 
 def drive(starts: Sequence[Point], goals: Sequence[Point], seed: int, limit: float) -> Outcome:
-    """Drive all robots until each is at its goal, or until ``limit`` [s]."""
+    """Drive all robots until each is at its goal, or until ``limit`` [s]; return the outcome."""
     random, count = np.random.default_rng(seed), len(starts)
     place, yaw = np.array(starts, float), random.uniform(-math.pi, math.pi, count)
     speeds, late, commands = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2))

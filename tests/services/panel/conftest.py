@@ -200,7 +200,7 @@ class PageOpener:
         self._errors: list[str] = []
 
     def open(self, view: str, width: int = 1440, height: int = 900, **page: Any) -> Page:
-        """Open the panel's page at one of its tabs, connected; ``page``: keyword arguments of ``load``."""
+        """Open one of the panel's tabs, connected; ``page`` is ``new``, ``own`` or ``plots``, as for ``load``."""
         opened = self.load(width, height, **page)
         opened.click(f"#tab-{view}")
         wait_page(lambda: ":" in opened.locator("#clock").inner_text(), WITHIN_S, "the clock of the fleet")

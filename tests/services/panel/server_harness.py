@@ -19,7 +19,7 @@ PAGE_HEADERS = {"origin": "http://127.0.0.1:{port}", "cookie": "elea_panel_{port
 
 
 class HttpResponse(NamedTuple):
-    """A response of the server; header names are in lower case."""
+    """A response of the server; the names of ``headers`` are in lower case."""
 
     status: int
     headers: dict[str, str]

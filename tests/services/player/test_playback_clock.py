@@ -32,7 +32,7 @@ def test_time_that_passed_before_the_bag_began_is_none_of_its_time() -> None:
         tell(out, 50, 53)
         pace.wait_until(BagTime(3 * SECOND, 0, 0))
         assert pace.elapsed == 3 * SECOND
-        tell(out, 0, 2, epoch=1)  # a reset takes nothing back
+        tell(out, 0, 2, epoch=1)  # a reset doesn't rewind playback
         pace.wait_until(BagTime(5 * SECOND, 0, 0))
         assert pace.elapsed == 5 * SECOND
         pace.start()

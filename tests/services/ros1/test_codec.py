@@ -40,7 +40,7 @@ def genpy() -> Iterator[ModuleType]:
 
 
 def ros_records() -> dict[str, type[Message]]:
-    """Our records of types that ROS 1 knows."""
+    """Return our records of types that ROS 1 knows."""
     found = {}
     for name, record in RECORDS.items():
         try:

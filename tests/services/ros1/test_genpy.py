@@ -143,7 +143,7 @@ def test_messages_are_made_and_shown(ros: Any) -> None:
             "setattr(SetBool(), 'effort', 1)": "None",
         },
     )
-    with pytest.raises(AttributeError, match=r"^'Twist' object has no attribute 'speed'"):  # Python 3.13 says more
+    with pytest.raises(AttributeError, match=r"^'Twist' object has no attribute 'speed'"):  # Python 3.13 adds more text
         ros.Twist().speed = 1
 
 

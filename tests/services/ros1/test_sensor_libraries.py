@@ -197,7 +197,7 @@ def test_pixels_and_rays_by_camera_info() -> None:
     assert camera.projectPixelTo3dRay((12, 13)) == pytest.approx((-0.34695, -0.18754, 0.91894), abs=1e-5)
     assert (camera.getDeltaU(1, 2), camera.getDeltaV(1, 0), camera.tfFrame()) == (24.5, math.inf, "camera")
     assert (camera.fovX(), camera.fovY()) == pytest.approx((1.15705, 0.91090), abs=1e-5)
-    # Rectifies a raw image whose colours are its pixel coordinates: each pixel of the result tells its origin.
+    # Rectifies a raw image whose colours are its pixel coordinates, so each pixel of the result shows its origin.
     raw = np.stack(np.meshgrid(np.arange(64.0), np.arange(48.0)), axis=-1)
     rectified = np.zeros_like(raw)
     camera.rectifyImage(raw, rectified)

@@ -31,7 +31,7 @@ class Driven(NamedTuple):
 
     @property
     def speeds(self) -> dict[float, float]:
-        """Return the forward speed [m/s] by time [s]."""
+        """The forward speed [m/s] by time [s]."""
         return {round(time_of(each), 3): speed(each) for each in self.samples}
 
 

@@ -9,7 +9,7 @@ from services.runtime.process import die_with_parent
 
 
 def node() -> str:
-    """The name of this child's node in the fleet."""
+    """Return the name of this child's node in the fleet."""
     return sys.argv[1]
 
 

@@ -1,4 +1,4 @@
-"""tf and tf2_ros as scripts call them, over an in-memory network, with texts and values of the original libraries."""
+"""tf and tf2_ros as scripts call them, over an in-memory network, with texts and values of ROS 1's own libraries."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def libraries(kernel: ScriptKernel) -> SimpleNamespace:
 
 
 def robot(ros: SimpleNamespace) -> Any:
-    """A laser on a base that moves from x = 1 m to 2 m within two seconds and turns by 0.4 rad."""
+    """Return a transformer with a laser on a base that moves from x = 1 m to 2 m in two seconds, turning by 0.4 rad."""
     transformer = ros.tf.TransformerROS(True, ros.rospy.Duration(10))
     transformer.setTransform(ros.link("/world", "base", 10, 1.0))
     transformer.setTransform(ros.link("world", "/base", 12, 2.0, 0.4))

@@ -1,4 +1,4 @@
-"""tf.transformations: every function against values of the original, and all conventions of Euler angles."""
+"""tf.transformations: every function against values of ROS 1's own, and all conventions of Euler angles."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class SequenceHarness:
 
     @property
     def counts(self) -> tuple[int, int, int, int, int]:
-        """Return the counts received, lost, refused, repeated and resynced."""
+        """The counts received, lost, refused, repeated and resynced."""
         told = self.source.health()
         return told.received, told.lost, told.refused, told.repeated, told.resynced
 

@@ -58,7 +58,7 @@ def tracking_pid() -> TutorialPid:
 
 @dataclass
 class ArmSimulation:
-    """An arm; ``angles`` [deg] and ``efforts`` [N m] are recorded after each step."""
+    """An arm, at rest at first; ``angles`` [deg] and ``efforts`` [N m] are recorded after each step."""
 
     world: World
     actuators: JointEffortController
