@@ -1,4 +1,4 @@
-"""Sort tests into tiers by the code they reach, and fail a quick test that starts a process or opens a socket.
+"""Sorts tests into tiers by the code they reach, and fails a quick test that starts a process or opens a socket.
 
 A test is sorted when it is collected. The test code reachable from its function and fixtures is followed name by name;
 code that starts a process, opens a socket, runs a fleet or drives a browser adds a marker. A test without a marker is

@@ -34,8 +34,7 @@ class Process:
 
     ``through`` is a command prefix that executes it, for example ``ip netns exec NAME``.
 
-    As a context manager it is stopped at the end. ``wait``, ``stop`` and ``kill`` return the exit status (-N: signal
-    N).
+    ``with`` stops it at the end. ``wait``, ``stop`` and ``kill`` return the exit status, -N for signal N.
     """
 
     def __init__(
@@ -91,7 +90,7 @@ class Process:
             raise AssertionError(f"process {self.pid} still runs after {within} s:\n{self.text}") from None
 
     def stop(self) -> int:
-        """End it with SIGINT, or SIGKILL after STOP_S; resumes it first if it is stopped."""
+        """End it with SIGINT, or with SIGKILL after STOP_S; resume it first if it is stopped."""
         self.signal(signal.SIGCONT)
         self.signal(signal.SIGINT)
         try:
@@ -123,7 +122,7 @@ class Network:
         self.router = start_service("router", "--param", f"listen={self.endpoint}", logs=self._logs)
         self._stack.enter_context(self.router)
         wait_until(self._listens, ROUTER_S, f"a router on {self.endpoint}")
-        # The router lists nodes to new ones only after it logs this; earlier ones would spend time scouting.
+        # The router lists the nodes for new ones only after it logs this; earlier ones would spend time scouting.
         wait_until(lambda: "listening on" in self.router.text, ROUTER_S, "a router that answers")
         return self
 

@@ -108,7 +108,9 @@ def side_by_side(runs: Jobs) -> Iterator[Runs]:
 
 
 def interrupt_when_said(fleet: subprocess.Popen[str], logs: Path, said: Lines, begun: Lines = NOTHING) -> None:
-    """End a fleet with Ctrl-C once its programs have printed their lines, or after WITHIN_S."""
+    """End a fleet with Ctrl-C once its programs have printed their lines, it has ended itself, or WITHIN_S has
+    passed.
+    """
     silent = [*said.items()], [*begun.items()]
 
     def all_spoke() -> bool:
