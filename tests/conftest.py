@@ -1,4 +1,4 @@
-"""For all tests: fleets that a developer runs stay out of sight, and in CI a skipped test is a failure."""
+"""Set-up of every test run: state folders of its own, no orphaned processes; in CI a skipped test is a failure."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from tests.tiers import pytest_make_collect_report as pytest_make_collect_report
 from tests.tiers import pytest_runtest_call as pytest_runtest_call
 
 settings.register_profile("elea", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("elea")  # a busy machine fails no property
+settings.load_profile("elea")  # no deadline, so a busy machine fails no property test
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    # A shell ignores it for what it starts in the background, and so would the processes that tests end by it.
+    # A shell ignores SIGINT in background jobs; the processes that tests end with SIGINT would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
 def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What commands note of the fleets that run, their sockets and robots from outside, for the commands of this test
-    run alone; what they start ends with it.
+    """Point the state, cache and runtime folders (running fleets, imported robots, sockets) at temporary ones for this
+    test run, and kill every process that the run starts when it ends.
     """
-    # Not below the folder of this test run: its path may be too long for a socket.
+    # Not below pytest's temporary folder: its path may be too long for a Unix socket.
     with (
         pytest.MonkeyPatch.context() as patch,
         tempfile.TemporaryDirectory(prefix="elea-test-") as runtime,
@@ -48,7 +48,7 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture
 def keeps_bound(record_property: Callable[[str, object], None]) -> Callable[[Figure], None]:
-    """Hands a measured figure to ``./elea bench``, and fails the test when it misses its bound."""
+    """Record a measured figure for ``./elea bench`` and fail the test if it misses its bound."""
 
     def check(figure: Figure) -> None:
         record_property(FIGURE_PROPERTY, json.dumps(asdict(figure)))
@@ -58,7 +58,7 @@ def keeps_bound(record_property: Callable[[str, object], None]) -> Callable[[Fig
 
 
 def pytest_collection_finish() -> None:
-    """What the collection has made stays to the end: looking through it for garbage costs the tests a tenth of their
+    """Exempt the objects that collection made from garbage collection; scanning them costs a tenth of the tests'
     processor time.
     """
     gc.collect()

@@ -1,10 +1,9 @@
-"""Sorts tests into tiers by what they reach, and fails a quick test that does what a quick test must not.
+"""Sorts tests into tiers by the code they reach, and fails a quick test that starts a process or opens a socket.
 
-A test is sorted when it is collected. From its function and its fixtures, the code of the tests that it may run is
-followed name by name; what starts a process, opens a socket, runs a fleet or drives a browser gives it a marker. What
-has no marker is quick. Reading code can overlook something, so quick tests are watched as well: the interpreter
-reports every process and socket to an audit hook, and a quick test that made one fails, as does one that computes for
-too long.
+A test is sorted when it is collected. The test code reachable from its function and fixtures is followed name by name;
+code that starts a process, opens a socket, runs a fleet or drives a browser adds a marker. A test without a marker is
+quick. Reading code can miss something, so quick tests are also watched at run time: an audit hook reports every process
+and socket, and a quick test that makes one, or computes for too long, fails.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ MARKERS = {
 _LONGEST_FIRST = ("fleet", "bench", "browser", "process", "slow", "quick")
 
 QUICK_LIMIT_S = 10.0
-"""Processor time of a quick test: ten times what one may take on an idle machine, so that a slow one fails none."""
+"""Processor time limit of a quick test: ten times what one takes on an idle machine, so a slow machine fails none."""
 
 _BY_MODULE = {
     "subprocess": "process",
@@ -52,15 +51,15 @@ _BY_MODULE = {
     "tests.harness.background_fleet": "fleet",
     "playwright.sync_api": "browser",
 }
-"""The marker of a test that reaches anything of these modules."""
+"""The marker of a test that reaches anything in these modules."""
 _BY_NAME = {"fork": "process", "forkpty": "process", "run_fleet": "fleet", "PanelFleet": "fleet"}
-"""The marker of a test that uses a function or class of this name, wherever it comes from."""
+"""The marker of a test that uses a function or class with this name, from any module."""
 _EVENTS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "socket.connect", "socket.bind")
 
 
 @functools.cache
 def markers_of(root: Any) -> frozenset[str]:
-    """The markers that a function or class of the tests gives to a test, by all that it reaches."""
+    """Return the markers of a test function, fixture or class, from all the test code that it reaches."""
     found: set[str] = set()
     first = inspect.unwrap(root)
     pending, seen = [first], {first}
@@ -78,7 +77,9 @@ def markers_of(root: Any) -> frozenset[str]:
 
 
 def _named(name: str, names: dict[str, Any], attributes: tuple[str, ...]) -> Iterator[Any]:
-    """What a name may mean: a function, class or module, or the class of an object; of a module, also what is used."""
+    """Yield the functions, classes and modules (for an object, its class) that a name may refer to; for a test module,
+    also the used attributes.
+    """
     value = names.get(name)
     values = [value]
     if inspect.ismodule(value) and _is_of_tests(value.__name__):
@@ -92,7 +93,7 @@ def _named(name: str, names: dict[str, Any], attributes: tuple[str, ...]) -> Ite
 
 
 def _codes(value: Any) -> Iterator[tuple[types.CodeType, dict[str, Any]]]:
-    """The code of a function, or of all functions of a class and its bases, with the global names that it sees."""
+    """Yield the code of a function, or of all functions of a class and its bases, each with its global names."""
     if isinstance(value, type):
         for owner in value.__mro__:
             for member in vars(owner).values() if _is_of_tests(owner.__module__) else ():
@@ -116,13 +117,13 @@ def _is_of_tests(module: str) -> bool:
 
 
 class QuickTestWatch:
-    """What a quick test did that it must not, while it is watched."""
+    """Records the forbidden actions of a quick test."""
 
     def __init__(self) -> None:
         self.seen: list[str] = []
 
     def check(self) -> None:
-        """Fail the test for what was seen."""
+        """Fail the test if any forbidden action was recorded."""
         if self.seen:
             pytest.fail(f"a quick test must not: {'; '.join(self.seen)}; give it one of these markers: {_OTHERS}")
 
@@ -145,10 +146,10 @@ def _install_audit_hook() -> None:
 
 @contextmanager
 def watch_quick_test() -> Iterator[QuickTestWatch]:
-    """Note the processes and sockets that the block makes, and whether it computes for too long.
+    """Record the processes and sockets that the block makes, and whether it computes for too long.
 
-    Threads that were there before do not count: they belong to fixtures of other tests. Zenoh opens its sockets below
-    Python; its ``open`` is noted instead.
+    Threads that already existed don't count: they belong to fixtures of other tests. Zenoh opens its sockets below
+    Python, so calls of ``zenoh.open`` are recorded instead.
     """
     _install_audit_hook()
     watch = QuickTestWatch()
@@ -179,7 +180,7 @@ def _note_zenoh(patch: pytest.MonkeyPatch, watch: QuickTestWatch) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the markers known."""
+    """Register the markers."""
     for name, about in MARKERS.items():
         config.addinivalue_line("markers", f"{name}: {about}")
 
@@ -188,7 +189,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_make_collect_report(
     collector: pytest.Collector,
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """Leave out a file of tests that imports PyBullet where PyBullet has no package, and say so."""
+    """Skip a test file that imports PyBullet on a platform that has no PyBullet package, with that reason."""
     report = yield
     if report.failed and not has_engine("pybullet") and "No module named 'pybullet'" in str(report.longrepr):
         report.outcome = "skipped"
@@ -198,8 +199,8 @@ def pytest_make_collect_report(
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give every test its markers, before ``-m`` chooses among them; files whose tests take long come first, so that no
-    process is left alone with one of them at the end.
+    """Add every test's markers before ``-m`` selects among them, and sort files with long tests first, so that no
+    worker is left alone with one at the end.
     """
     for item in items:
         assert isinstance(item, pytest.Function)
@@ -218,7 +219,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """Watch quick tests."""
+    """Run a quick test under ``watch_quick_test``."""
     if item.get_closest_marker("quick") is None:
         yield
         return

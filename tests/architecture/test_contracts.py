@@ -1,4 +1,4 @@
-"""Each import contract finds a planted violation; ``test_static`` checks that they hold on this tree."""
+"""Each import contract detects a planted violation; ``test_static`` checks that they hold in this tree."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ PLANTED = [
     (WEB, "deploy/commands/panel.py", "def later(): from starlette.routing import Route"),
     (WEB, "services/grader/loop.py", "import websockets"),
 ]
-"""The contract, and a line at the end of a file that breaks it."""
+"""Contract, file, and the line that breaks it when appended."""
 
 
 def lint(tree: Path) -> tuple[int, list[str], dict[str, str]]:
-    """The linter's exit status in ``tree``, the contracts that it finds broken, and its complaints by contract."""
+    """Run the linter in ``tree``; return its exit status, the broken contracts, and its messages by contract."""
     ran = subprocess.run(
         [sys.executable, "-P", "-c", LINT, "--no-cache", "--no-logo", "--config", ".importlinter"],
         cwd=tree,
@@ -88,7 +88,7 @@ def _module(file: str) -> str:
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """The contracts and the four packages, to spoil."""
+    """A copy of the contracts and the four packages, to plant violations in."""
     for package in ("deploy", "services", "messages", "models"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / ".importlinter", tmp_path)
@@ -96,7 +96,7 @@ def copy(tmp_path: Path) -> Path:
 
 
 def test_planted_violations_break_their_contracts(copy: Path) -> None:
-    """All in one tree; the linter names each file under the contract that it breaks."""
+    """All violations are in one tree; the linter names each file under the contract that it breaks."""
     for _, file, line in PLANTED:
         spoilt = copy / file
         assert spoilt.is_file(), file
@@ -125,7 +125,7 @@ def test_every_contract_is_planted_against() -> None:
 
 
 def test_no_imports_form_a_circle() -> None:
-    """Nor do those for types alone: each module can be understood after those that it imports."""
+    """Including imports for types only: each module can be understood after those that it imports."""
     graph = grimp.build_graph("deploy", "services", "messages", "models", cache_dir=None)
     TopologicalSorter({each: graph.find_modules_directly_imported_by(each) for each in graph.modules}).prepare()
 

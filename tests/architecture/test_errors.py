@@ -1,4 +1,4 @@
-"""All errors of the project are in one tree, and its drawing in services/runtime/errors.py is complete."""
+"""All errors of the project are in one tree, and its diagram in services/runtime/errors.py is complete."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from services.runtime.process import ROOT
 
 BUILT_IN = {name for name, each in vars(builtins).items() if isinstance(each, type) and issubclass(each, BaseException)}
 NOT_ERRORS = {"ServiceCaptured"}
-"""What unwinds the stack past every handler of errors."""
+"""Classes that must not be caught by any error handler."""
 
 
 def classes() -> dict[str, tuple[list[str], str]]:
-    """The bases of every class of the product, and its module; foreign libraries that it imitates have their own."""
+    """Return the bases and module of every class of the product, except in imitations of foreign libraries."""
     found = {}
     for package in ("deploy", "services", "messages", "models"):
         for file in sorted((ROOT / package).rglob("*.py")):
@@ -30,7 +30,7 @@ def classes() -> dict[str, tuple[list[str], str]]:
 
 
 def drawn() -> Iterator[tuple[str, str, str]]:
-    """Name, parent and module of each line of the drawing."""
+    """Yield name, parent and module of each line of the diagram."""
     path = ["EleaError"]
     for line in (errors.__doc__ or "").splitlines():
         if found := re.fullmatch(r"((?:│   |    )*)[├└]── (\w+)(?: \(\w+\))? +(.*)", line):

@@ -13,7 +13,7 @@ from tests.harness.project_files import PACKAGES, project_files
 SOURCES = [path for package in PACKAGES for path in project_files(".py", under=ROOT / package)]
 NAMES = [str(path.relative_to(ROOT)) for path in SOURCES]
 FIRST_TEXT = re.compile(r'(?:#.*\n|\s)*r?"""\s*\S')
-"""A docstring, perhaps behind comments; parsing every file for it takes a second."""
+"""A docstring, possibly after comments; a pattern, as parsing every file would take a second."""
 LEFTOVER = re.compile(r"\b(?:T[O]DO|F[I]XME|X[X]X|H[A]CK)\b")
 
 
@@ -23,7 +23,7 @@ def test_every_file_says_what_it_is() -> None:
 
 
 def test_every_folder_of_code_is_a_package() -> None:
-    """Without ``__init__.py`` the import contracts would not see what is in it; ROS 1's commands are programs alone."""
+    """Without ``__init__.py`` the import contracts would ignore a folder; ROS 1's commands are plain programs."""
     folders = {path.parent for path in SOURCES} - {ROOT / "services/ros1/command-line"}
     assert [str(each) for each in sorted(folders) if not (each / "__init__.py").is_file()] == []
 

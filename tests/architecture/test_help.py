@@ -1,4 +1,4 @@
-"""Declarations and ``--help`` load nothing heavy: a command line answers at once."""
+"""Declarations and ``--help`` import nothing heavy, so that the command line answers at once."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ for module, *arguments in json.load(sys.stdin):
         sys.exit(f"{' '.join(sys.argv)}: status {status}, {len(out.getvalue())} characters, loaded {loaded}")
 print("all are light")
 """
-"""Gives the help of one command after the other in one process; what one has loaded is found with that one."""
+"""Prints the help of commands in turn in one process; a heavy import is reported with the first that loads it."""
 
 OWN_HELP = [verb for verb in all_commands() if verb != ("test",)]
-"""The help of ``test`` is pytest's."""
+"""All commands except ``test``, whose help is pytest's."""
 
 TRIES = 3
 
@@ -65,7 +65,7 @@ def test_help_is_light() -> None:
 @pytest.mark.bench
 @pytest.mark.timeout(300)
 def test_help_comes_at_once(keeps_bound: Callable[[Figure], None]) -> None:
-    """In processor time, which a person waits for on a machine that is free; the best of some, since caches cool."""
+    """Measured in processor time, the waiting time on an idle machine; the best of several, because of cold caches."""
     took = {
         " ".join(verb): min(_processor_time("deploy", *verb, "--help") for _ in range(TRIES))
         for verb in [(), *OWN_HELP]
@@ -76,7 +76,7 @@ def test_help_comes_at_once(keeps_bound: Callable[[Figure], None]) -> None:
 
 
 def _processor_time(module: str, *arguments: str) -> float:
-    """Seconds of the processor that a program takes to its end, with what it starts."""
+    """Return the processor time [s] of a program and its children."""
     command = [sys.executable, "-P", "-m", module, *arguments]
     started = subprocess.Popen(
         command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.DEVNULL

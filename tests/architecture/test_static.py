@@ -1,4 +1,4 @@
-"""Types and style are clean on this tree; the settings are strict enough to reject violations."""
+"""Types and style are clean in this tree; the settings are strict enough to reject violations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.harness.project_files import PACKAGES
 
 
 def run(*arguments: str, at: Path = ROOT) -> tuple[int, str]:
-    """Exit status and output of Python with these arguments in ``at``."""
+    """Run Python with these arguments in ``at``; return exit status and output."""
     ran = subprocess.run(
         [sys.executable, "-P", *arguments],
         cwd=at,

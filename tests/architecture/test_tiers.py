@@ -1,4 +1,4 @@
-"""Tests get the markers of what they use; a quick test that starts a process or opens a socket fails."""
+"""Tests get the markers of the code that they use; a quick test that starts a process or opens a socket fails."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.tiers import QuickTestWatch, markers_of, watch_quick_test
 
 
 class Rig:
-    """Hides what it starts behind a property."""
+    """Hides a network behind a property."""
 
     @property
     def network(self) -> type[Network]:

@@ -1,4 +1,4 @@
-"""Services of a fleet that share processes: which ones, what runs, and what a fleet file must not ask for."""
+"""Services of a fleet that share processes: the grouping, the processes, and errors in a fleet file."""
 
 from __future__ import annotations
 

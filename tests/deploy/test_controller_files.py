@@ -30,7 +30,7 @@ def fleet_text(parameters: str = '{ config = "sub/c.yaml" }', model: str = "arm"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a file of controllers for the arm, and one for a wheel."""
+    """A folder with a controller file for the arm and one for a wheel."""
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "c.yaml").write_text(CONTROLLERS)
     (tmp_path / "sub" / "wheel.yaml").write_text(WHEEL)

@@ -1,4 +1,4 @@
-"""Fleet files: their content arrives typed, and mistakes are reported with their line."""
+"""Fleet files: values are parsed with their types, and mistakes are reported with their line."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ cross_track_max_m = 0.1
 
 
 def refusal(old: str, new: str) -> str:
-    """The text of the error after a change to FILE."""
+    """Return the error message after a change to FILE."""
     assert old in FILE
     with pytest.raises(BadInput) as caught:
         parse_fleet(Path("pair.toml"), FILE.replace(old, new, 1))

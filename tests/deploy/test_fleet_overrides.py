@@ -1,4 +1,4 @@
-"""``--set``: keys of a fleet file that the command line changes, and the world's start for a robot."""
+"""``--set``, which overrides keys of a fleet file, and the start pose that a world defines."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_the_fleet_turtlebot3_has_plain_names_and_starts_where_its_world_says() 
 
 
 def test_every_start_is_clear_and_every_world_can_be_driven_in() -> None:
-    """A waffle_pi, the widest TurtleBot, stands at the start of each world, turns once, and touches nothing."""
+    """A waffle_pi, the widest TurtleBot, turns once at the start of each world without touching anything."""
     model = read_model("waffle_pi")
     assert model.wheels is not None
     motors = tuple(Motor(joint, model.wheels.torque) for joint in (model.wheels.left_joint, model.wheels.right_joint))
@@ -122,7 +122,7 @@ def test_every_start_is_clear_and_every_world_can_be_driven_in() -> None:
 
 
 def test_the_doors_of_the_house_are_wide_enough() -> None:
-    """Every room is reached from the start by a disc of 0.78 m, on a grid of 5 cm, past all furniture."""
+    """A disc of 0.78 m diameter reaches every room from the start, on a grid of 5 cm, past all furniture."""
     world, radius, cell = read_world("house"), 0.39, 0.05
     blocked = set()
     for box in world.boxes:

@@ -1,4 +1,4 @@
-"""The README of the fleet files: its examples are fleets, and it names every key."""
+"""The README of the fleet files: its examples are valid, and it names every key."""
 
 from __future__ import annotations
 
@@ -36,6 +36,6 @@ def test_it_names_every_key() -> None:
         for record in (Fleet, RunConfig, RobotConfig, GridConfig, ServiceConfig, ChangeConfig, RestartPolicy)
         for each in msgspec.structs.fields(record)
     }
-    keys = keys - {"mode_bounds", "folder"} | {"bounds.real", "bounds.lockstep"}  # what the file calls them
+    keys = keys - {"mode_bounds", "folder"} | {"bounds.real", "bounds.lockstep"}  # their names in the file
     missing = [name for name in keys if not re.search(rf"(`|\[){name}\b|{name} = ", README)]
     assert missing == []

@@ -1,4 +1,4 @@
-"""The world of a fleet file: by name or by path, from the file's folder, and wrong ones with their line."""
+"""The world of a fleet file: by name, or by path from the file's folder; errors with their line."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A grid of a fleet file: its robots, their goals, and errors at its line."""
+"""A grid in a fleet file: its robots, their goals, and errors with its line."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_services_get_the_goals_of_their_robot_in_the_frame_of_its_odometry() ->
                 given[f"/{spec.name}"] = json.loads(argument.removeprefix("goals="))
     assert len(given) == 6
     assert given["/lone/local_planner"] == [[7, 1]]
-    apart = (1.0, 0.5)  # of tb3_0's goal from its start, in the world
+    apart = (1.0, 0.5)  # from tb3_0's start to its goal, in the world frame
     turned = [
         apart[0] * math.cos(0.5) + apart[1] * math.sin(0.5),
         apart[1] * math.cos(0.5) - apart[0] * math.sin(0.5),

@@ -1,4 +1,4 @@
-"""One fleet per port: the error names the holder, and a dead supervisor holds nothing."""
+"""One fleet per port: the error names the port's owner, and a dead supervisor leaves no lock."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ with instance_lock(entry):
 
 @pytest.fixture
 def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
-    """A port that nobody holds, and an empty state folder."""
+    """A free port, with an empty state folder."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -46,7 +46,7 @@ def entry(port: int) -> FleetInstance:
 
 
 def hold(port: int) -> subprocess.Popen[str]:
-    """Another process that holds the port."""
+    """Start another process that locks the port."""
     holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(port)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     assert holder.stdout is not None
     assert holder.stdout.readline() == "held\n"

@@ -1,4 +1,4 @@
-"""A fleet of a hundred robots on the terminal: one line while it starts, and lists that a pattern narrows."""
+"""A fleet of a hundred robots on the terminal: one status line while it starts, and lists filtered by pattern."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a run's words and files go: full and hanging disks, closed pipes, planted links, control characters."""
+"""A run's output and files: full and hanging disks, closed pipes, planted links, control characters."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_closed_pipe_ends_no_run_and_does_not_change_its_status(tmp_path: Path) 
     up = subprocess.Popen(command, env=desk.environment, cwd=tmp_path, stdout=into, stderr=into)
     os.close(into)
     try:
-        assert os.read(out, 1)  # it speaks, to somebody who has heard enough
+        assert os.read(out, 1)  # it has written; then the reader closes the pipe
     finally:
         os.close(out)
     assert up.wait(90) == 0
@@ -75,14 +75,14 @@ def test_supervisor_that_ends_without_a_word_is_told_of(tmp_path: Path, capfd: p
 
 def test_hanging_disk_blocks_nobody_who_logs(tmp_path: Path) -> None:
     log = tmp_path / "a.log"
-    os.mkfifo(log)  # to open it hangs until somebody reads, as a network drive hangs that is out of reach
+    os.mkfifo(log)  # open() blocks until there is a reader, as on an unreachable network drive
     out, into = os.pipe()
     writer = start_log_writer(out, log, largest=1 << 40)
     line, lines = b"x" * 1023 + b"\n", 3 * MAX_QUEUED_CHUNKS * 64
     with os.fdopen(into, "wb") as end:
         for _ in range(lines):
             end.write(line)
-    reader = os.open(log, os.O_RDWR | os.O_NONBLOCK)  # to write as well: then there is no end of the file between two
+    reader = os.open(log, os.O_RDWR | os.O_NONBLOCK)  # open for writing too: then no end of file between two writers
     came = bytearray()
 
     def drained() -> bool:

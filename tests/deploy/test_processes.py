@@ -1,4 +1,4 @@
-"""A fleet becomes processes: their order, their arguments, and that each service understands its own."""
+"""A fleet expands into processes: their order, their arguments, and that each service accepts its own."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def expand(fleet: Fleet) -> dict[str, ProcessSpec]:
 
 
 def options(process: ProcessSpec, name: str) -> list[str]:
-    """The values of an option on a command line."""
+    """Return the values of an option on a process's command line."""
     return _values(process.argv, name)
 
 
@@ -51,7 +51,7 @@ def test_lab_is_the_tutorial_shifted_by_each_start() -> None:
 
 
 def test_points_from_the_start_are_put_into_the_frame_of_the_odometry(tmp_path: Path) -> None:
-    """A metre north of its start: a robot that looks west and counts from there has the point on its right."""
+    """For a robot that faces west, with odometry from its start, a point one metre north of it is on the right."""
     file = tmp_path / "starts.toml"
     robots = (("a", "burger", ""), ("b", "burger", 'odometry_origin = "start"'), ("c", "p3dx", ""))
     file.write_text(
@@ -279,7 +279,7 @@ def test_a_fleet_of_many_nodes_joins_the_router_alone_unless_it_states_a_topolog
         )
         return {each for spec in expand(fleet).values() for each in options(spec, "--topology")}
 
-    few = MOST_DIRECT - 4  # beside router, parameters, simulation and grader
+    few = MOST_DIRECT - 4  # plus router, parameters, simulation and grader
     assert topology(few) == {"direct"}
     assert topology(few + 1) == {"star"}
     assert topology(few + 1, topology="direct") == {"direct"}

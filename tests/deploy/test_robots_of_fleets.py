@@ -1,4 +1,4 @@
-"""A fleet file names robots by path; mistakes in them are reported with their line before anything starts."""
+"""Robots that a fleet file names by path; mistakes are reported with their line before anything starts."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ models = ["armed"]
 
 
 def write_robots(folder: Path) -> Path:
-    """Robots and packages beside the folder of a fleet file; return that file."""
+    """Write robots and packages beside a fleet file's folder; return that file."""
     write_meshes(write_package(folder / "packages" / "parts", "parts") / "meshes")
     mesh = shape("visual", '<mesh filename="package://parts/meshes/cube.dae" scale="0.1 0.1 0.1"/>')
     write(folder / "robots" / "armed.urdf", ARMED.replace("<collision>", f"{mesh}<collision>", 1))

@@ -40,7 +40,7 @@ services = [{{ kind = "waypoint", from_start = ["goals"], parameters = {{ goals 
 
 
 class FleetCommandLine:
-    """A command line of its own: its state folder, its port, its results."""
+    """A command line with a state folder, a port and a results folder of its own."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.results = folder, folder / "results"
@@ -48,7 +48,7 @@ class FleetCommandLine:
         self.port = free_port()
 
     def fleet(self, mode: str, ends: str, goals: str, topology: str = "direct") -> str:
-        """A fleet file of one robot."""
+        """Write a fleet file with one robot and return its path."""
         path = self.folder / "one.toml"
         path.write_text(FLEET.format(mode=mode, ends=ends, goals=goals, topology=topology, port=self.port))
         return str(path)
@@ -57,14 +57,14 @@ class FleetCommandLine:
         return ForkedVerb(arguments, self.folder, self.environment)
 
     def run(self, *arguments: str, status: int = 0) -> str:
-        """What a command prints; it must end with ``status``."""
+        """Run a command, assert its exit status, and return its output."""
         process = self.start(*arguments)
         out, err = process.communicate(timeout=90)
         assert process.returncode == status, err
         return out
 
     def processes(self) -> dict[str, dict[str, Any]]:
-        """What ``ps`` tells, by name."""
+        """Return the processes that ``ps`` shows, by name."""
         (fleet,) = json.loads(self.run("ps", "--json"))
         return {each["name"]: each for each in fleet["processes"]}
 
@@ -73,7 +73,7 @@ class FleetCommandLine:
         return found
 
     def wait_until_ready(self, name: str, restarts: int) -> dict[str, Any]:
-        """Wait until a process is ready after so many restarts."""
+        """Wait until a process is ready after at least ``restarts`` restarts; return its entry in ``ps``."""
         deadline = time.monotonic() + 30
         while (shown := self.processes()[name])["state"] != "ready" or shown["restarts"] < restarts:
             assert time.monotonic() < deadline, shown
@@ -148,7 +148,7 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(terminal: FleetComma
 
 
 def test_a_fleet_that_ends_while_it_starts_does_not_blame_its_grader(terminal: FleetCommandLine) -> None:
-    """It had measured nothing yet. One that failed, as on a full disk, is told as before."""
+    """The grader had measured nothing yet. One that failed, as on a full disk, is still reported."""
     fleet = read_fleet(Path(terminal.fleet("real", "never", "")))
     ended = Outcome(ended="interrupted", reason="it was interrupted", wall_seconds=0.5, restarts=0)
     said = "the fleet ended before its grader had written any measurements"

@@ -1,4 +1,4 @@
-"""A ROS 1 program as a service of a fleet: its command line, its parameters, and possible mistakes."""
+"""A ROS 1 program as a service of a fleet: its command line, its parameters, and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""./elea in a bare copy with test programs on the PATH: what it installs, when, and its messages."""
+"""./elea in a bare copy with fake programs on the PATH: what it installs, when, and its messages."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ esac
 
 
 class ProjectCopy:
-    """A fresh clone as far as the script is concerned."""
+    """A fresh clone, with the files that the script needs, and a PATH of its own."""
 
     def __init__(self, folder: Path) -> None:
         self.root, self._bin, self.count = folder / "clone", folder / "bin", folder / "count"
@@ -85,7 +85,7 @@ class ProjectCopy:
         cwd: Path | None = None,
         extra: Mapping[str, str] = MappingProxyType({}),
     ) -> subprocess.CompletedProcess[str]:
-        """Start the script from another folder, with ``extra`` in its environment."""
+        """Run the script from another folder, with ``extra`` in its environment."""
         return subprocess.run(
             [str(script or self.root / "elea"), *arguments],
             env=self.environment(**extra),
@@ -96,7 +96,7 @@ class ProjectCopy:
         )
 
     def installs(self) -> list[str]:
-        """What was done, in order."""
+        """Return the installation steps so far, in order."""
         return self.count.read_text().split("\n")[:-1] if self.count.exists() else []
 
 
@@ -288,7 +288,7 @@ esac
 
 
 def installed_packages(python: str, machine: str) -> set[str]:
-    """The names that the lock installs on Linux, by its markers."""
+    """Return the names of the packages that the lock installs on Linux, by its markers."""
     system = {"sys_platform": "linux", "platform_system": "Linux", "platform_machine": machine}
     own = {**system, "python_version": python, "python_full_version": f"{python}.1"}
     lock = (ROOT / "requirements.lock").read_text()

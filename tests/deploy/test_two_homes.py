@@ -1,4 +1,4 @@
-"""Two people run fleets of one name and port on one machine at once, and a third fleet makes a choice necessary."""
+"""Two users run fleets with the same name and port on one machine; a third fleet makes a choice necessary."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ tcp = true
 
 
 def person(folder: Path, port: int) -> CommandLine:
-    """A command line with a home and a data folder, and a fleet file in its working directory."""
+    """Return a user's command line with a home and a data folder, and a fleet file in its working directory."""
     folder.mkdir()
     made = CommandLine(folder)
     del made.environment["XDG_STATE_HOME"]
@@ -37,7 +37,7 @@ def test_two_people_run_the_same_fleet_at_once(tmp_path: Path) -> None:
             started = each.run("up", "own.toml", "--detach", "--json", "--no-view", "--no-picture")
             assert started.status == 0, started.err
             assert json.loads(started.out)["folder"].startswith(str(each.folder / "elea/runs"))
-            # Every verb finds the fleet of its user without being told.
+            # Every command finds its user's fleet by default.
             (fleet,) = json.loads(each.run("ps", "--json").out)
             assert fleet["folder"] == json.loads(started.out)["folder"]
             (endpoint,) = fleet["listen"]

@@ -1,4 +1,4 @@
-"""A fleet file that names a user's Python file: its declaration, possible mistakes, and a run."""
+"""A fleet file that names a user's Python file: its declaration, errors, and a run."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ services = [{{ kind = "controllers/{file}"{more} }}]
 
 
 def fleet(folder: Path, program: str, more: str = "") -> Path:
-    """A fleet file beside a folder with the program."""
+    """Write a fleet file beside a folder with the program; return its path."""
     (folder / "controllers").mkdir()
     (folder / "controllers" / "mine.py").write_text(program)
     path = folder / "own.toml"

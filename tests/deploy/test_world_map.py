@@ -1,4 +1,4 @@
-"""Worlds as maps: drawn from above, written, and read again."""
+"""Maps of worlds: drawn from above, written, and read back."""
 
 from pathlib import Path
 

@@ -12,7 +12,7 @@ DOCS: Path = ROOT / "docs"
 
 
 def section(title: str, text: str | None = None) -> str:
-    """The text under a heading ``## title``, of README.md by default."""
+    """Return the text under the heading ``## title``, in README.md by default."""
     found = re.search(
         rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", text or README.read_text(), re.MULTILINE | re.DOTALL
     )
@@ -21,5 +21,5 @@ def section(title: str, text: str | None = None) -> str:
 
 
 def blocks(language: str, text: str) -> list[str]:
-    """The code blocks of a language."""
+    """Return the code blocks of a language."""
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)

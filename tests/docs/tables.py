@@ -1,4 +1,4 @@
-"""The tables of docs/ that list what the code has, made from the code.
+"""Generates the tables of docs/ that list parts of the code.
 
 ``./elea python -m tests.docs.tables`` writes them into the pages.
 """
@@ -17,7 +17,7 @@ from tests.docs.readme import DOCS
 
 
 def capitalised(text: str) -> str:
-    """The text with a capital first letter and without a full stop."""
+    """Return the text with a capital first letter and without a full stop."""
     return (text[:1].upper() + text[1:]).rstrip(".")
 
 
@@ -45,11 +45,11 @@ TABLES: dict[tuple[str, str], Callable[[], Iterable[tuple[str, ...]]]] = {
     ("topics.md", "| topic |"): lambda: map(topic_row, TOPICS),
     ("topics.md", "| quality |"): lambda: ((f"`{each.name.lower()}`", each.value) for each in Quality),
 }
-"""The rows of each table, by its page and by how its first line begins."""
+"""The rows of each table, by its page and the start of its first line."""
 
 
 def with_table(text: str, head: str, rows: Iterable[tuple[str, ...]]) -> str:
-    """A page with the rows of the table that begins with ``head`` replaced."""
+    """Return a page with the rows of the table that starts with ``head`` replaced."""
     lines = text.split("\n")
     [first] = [number for number, line in enumerate(lines) if line.startswith(head)]
     end = first + 2

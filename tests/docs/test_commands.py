@@ -22,7 +22,7 @@ OF_SERVICES |= {"--fleet-param", "--await-params", "--log-level", "--print-confi
 
 
 def lines() -> list[tuple[str, str]]:
-    """Every command with the document that it stands in."""
+    """Return every command with its document."""
     found = []
     for path in project_files(".md"):
         for command in LINE.findall(path.read_text()):
@@ -31,7 +31,7 @@ def lines() -> list[tuple[str, str]]:
 
 
 def options(verb: str, words: list[str]) -> set[str]:
-    """The options of a verb, or of the verb below it that the next word names."""
+    """Return the options of a command, or of the subcommand that the next word names."""
     command = elea.get_command(click.Context(elea), verb)
     assert isinstance(command, click.Command)
     if isinstance(command, LazyGroup) and words:
@@ -55,7 +55,7 @@ def _check_command(line: str) -> None:
         return
     assert verb in COMMANDS
     if verb in ("test", "python"):
-        return  # the words are pytest's, or Python's
+        return  # the arguments are pytest's, or Python's
     assert {word for word in words if word.startswith("-")} <= options(verb, words)
     target = words[0] if words and not words[0].startswith("-") else ""
     known = {"up": fleet_names(), "run": (*service_kinds(), CONTAINER)}.get(verb)

@@ -16,13 +16,13 @@ CODE = re.compile(r"`([^`\n]+)`")
 DOTTED = re.compile(r"`((?:deploy|messages|models|services|tests)(?:\.\w+)+)(?:\([^`]*\))?`")
 PLACE = re.compile(r"[\w.-]+(?:/[\w.-]+)*/?")
 TOP = {path.relative_to(ROOT).parts[0] for path in project_files()}
-"""Of the project itself, not of what a run leaves there."""
+"""Top-level names of the project itself, without results of runs."""
 
 DOCUMENTS = list(project_files(".md"))
 
 
 def headings(path: Path) -> set[str]:
-    """The anchors of a document's headings, as the usual viewers make them."""
+    """Return the anchors of a document's headings, as common viewers make them."""
     titles = re.findall(r"^#+ (.+)$", path.read_text(), re.MULTILINE)
     return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
 
@@ -42,7 +42,7 @@ def test_links_lead_somewhere(document: Path) -> None:
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_files_that_are_named_exist(document: Path) -> None:
-    """A name in backticks that begins with a folder of the project is a file or folder of it."""
+    """A path in backticks that starts with a folder of the project exists."""
     text = re.sub(r"^```.*?^```$", "", document.read_text(), flags=re.MULTILINE | re.DOTALL)
     lost = []
     for name in CODE.findall(text):
@@ -54,12 +54,12 @@ def test_files_that_are_named_exist(document: Path) -> None:
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_modules_and_functions_that_are_named_exist(document: Path) -> None:
-    """``models.urdf_path(name)`` in backticks is a function of that module."""
+    """For example, ``models.urdf_path(name)`` in backticks is a function of that module."""
     assert [name for name in DOTTED.findall(document.read_text()) if not can_import(name)] == []
 
 
 def can_import(name: str) -> bool:
-    """Whether a dotted name is a module, or something in one."""
+    """Whether a dotted name is a module or an attribute of one."""
     try:
         pkgutil.resolve_name(name)
     except (ImportError, AttributeError):

@@ -17,7 +17,7 @@ LOCK = (ROOT / "requirements.lock").read_text()
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 HOSTS = re.compile(r"p[y]pi\.org|p[y]thonhosted\.org|c[r]ates\.io|n[p]mjs\.(?:com|org)|a[n]aconda\.(?:com|org)")
-"""Registries of packages; machines have mirrors of their own, and a lock that names a host defeats them."""
+"""Hosts of package registries; a lock that names one would defeat mirrors."""
 
 
 def test_every_package_is_pinned_with_hashes_and_nothing_else_is_stated() -> None:

@@ -1,4 +1,4 @@
-"""The notebook, executed cell by cell on a running fleet, as described in its first cell."""
+"""The notebook runs cell by cell on a fleet, as its first cell describes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ error = names["figures"].odometry_error_max_m
 drive = names["figures"].path_length_m
 print(json.dumps({"shown": shown, "path": drive, "error": error, "stepped": names["after"] - names["before"]}))
 """
-"""Runs the cells in one namespace, and looks at what each plot shows."""
+"""Runs the cells in one namespace and inspects each plot."""
 
 
 def test_it_drives_a_robot_and_plots_its_run(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The controller in README.md, unchanged, drives a real robot as README.md states."""
+"""The controller in README.md, unchanged, drives a simulated robot as README.md states."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from tests.harness.waiting import wait_until
 
 SECTION = section("A controller of your own")
 FACTOR = 4
-"""Simulated per wall-clock second, to be quick."""
+"""Real-time factor, to save wall time."""
 WITHIN_S = 60.0
-"""Wall time for a drive of 1.4 m at 0.2 m/s, on a machine that is busy."""
+"""Wall time limit for a drive of 1.4 m at 0.2 m/s on a busy machine."""
 
 
 class RobotMonitor:
@@ -31,7 +31,7 @@ class RobotMonitor:
         self.samples: list[Odometry] = []
 
     def look(self) -> list[Odometry]:
-        """All samples so far."""
+        """Return all samples so far."""
         self._source.update()
         self.samples += [message for message, _ in self._source.messages]
         return self.samples
@@ -54,7 +54,7 @@ class RobotMonitor:
 
 
 def controller(folder: Path) -> Path:
-    """The program of the README in a file of its own, under the name that the README gives it."""
+    """Write the README's program to a file with the name that the README gives it."""
     [program] = blocks("python", SECTION)
     assert "`my_controller.py`" in SECTION
     file = folder / "my_controller.py"
@@ -63,7 +63,7 @@ def controller(folder: Path) -> Path:
 
 
 def start(network: Network, folder: Path) -> Process:
-    """The controller, by the command that the README tells."""
+    """Start the controller with the README's command."""
     [command] = re.findall(r"^\./elea run (.*)$", SECTION, re.MULTILINE)
     name, *arguments = command.split()
     file = controller(folder)

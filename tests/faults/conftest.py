@@ -1,4 +1,4 @@
-"""Fleets that several tests share, one at a time; a test that passes leaves its fleet sound."""
+"""Fleets that several tests share, one at a time; a test that passes leaves its fleet intact."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.faults.supervised_fleet import START_S, SupervisedFleet
 
 
 class FleetSlot:
-    """Where one fleet drives; it gives way when a test asks for another."""
+    """Holds the running fleet; replaces it when a test requests another."""
 
     def __init__(self, folders: pytest.TempPathFactory, session: pytest.Session) -> None:
         self._folders, self._session = folders, session
@@ -22,7 +22,7 @@ class FleetSlot:
         self._name = ""
 
     def fleet(self, name: str, description: str, robots: int) -> SupervisedFleet:
-        """The fleet of this name, as it is or newly started if a test has failed with it."""
+        """Return the fleet of this name, restarted if a test has failed since its last use."""
         failed, self._failed = self._failed, self._session.testsfailed
         if self._fleet is None or self._name != name or failed != self._failed:
             self.stop()
@@ -45,7 +45,7 @@ def fleet_slot(tmp_path_factory: pytest.TempPathFactory, request: pytest.Fixture
 
 @pytest.fixture
 def driving(fleet_slot: FleetSlot) -> SupervisedFleet:
-    """Four robots at full speed, three of them by controllers that hang when told."""
+    """Four robots at full speed, three of them with controllers that hang on request."""
     fleet = fleet_slot.fleet("driving", fleet_files.DRIVING, 4)
     fleet.wait_ready(within=START_S)
     fleet.wait_full_speed(*fleet.recorder.robots)
@@ -54,7 +54,7 @@ def driving(fleet_slot: FleetSlot) -> SupervisedFleet:
 
 @pytest.fixture
 def star(fleet_slot: FleetSlot) -> SupervisedFleet:
-    """Everything through the router; a robot at full speed, and one that waits for commands of the test."""
+    """A fleet with all traffic through the router: a robot at full speed, and one that the test commands."""
     fleet = fleet_slot.fleet("star", fleet_files.STAR, 2)
     fleet.wait_ready(within=START_S)
     fleet.wait_full_speed("tb3_0")
@@ -63,7 +63,7 @@ def star(fleet_slot: FleetSlot) -> SupervisedFleet:
 
 @pytest.fixture
 def broken(fleet_slot: FleetSlot) -> SupervisedFleet:
-    """A robot, services that raise when told, and one that ends at once."""
+    """A robot, services that raise on request, and one that exits at once."""
     fleet = fleet_slot.fleet("broken", fleet_files.BROKEN, 1)
     fleet.wait_ready("tb3_0/waypoint", within=START_S)
     return fleet
@@ -71,5 +71,5 @@ def broken(fleet_slot: FleetSlot) -> SupervisedFleet:
 
 @pytest.fixture
 def only_fleet(fleet_slot: FleetSlot) -> None:
-    """No other fleet runs beside the test's own."""
+    """Stop the shared fleet, so that only the test's own runs."""
     fleet_slot.stop()

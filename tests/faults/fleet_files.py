@@ -1,4 +1,4 @@
-"""The fleet files of these tests; services named after a file in ``services`` are the faulty ones there."""
+"""The fleet files of these tests; services named after a file in ``services`` are faulty ones from there."""
 
 FLEET_HEADER = """
 name = "faults"
@@ -10,13 +10,13 @@ topology = "{topology}"
 
 
 def robot_table(number: int, services: str) -> str:
-    """A robot that faces along x, one metre beside its neighbours."""
+    """Return the table of a robot that faces along x, one metre beside its neighbours."""
     place = f"pose = {{ y = {number}.0 }}"
     return f'\n[[robot]]\nname = "tb3_{number}"\nmodel = "burger"\n{place}\nservices = [{services}]\n'
 
 
 def waypoint_entry(number: int) -> str:
-    """The project's controller, with a goal so far away that it drives for as long as a test runs."""
+    """Return an entry of the waypoint controller with a goal so far away that it drives throughout a test."""
     return f'{{ kind = "waypoint", parameters = {{ goals = [[1000.0, {number}.0]] }} }}'
 
 
@@ -35,7 +35,7 @@ DRIVING = (
     + _service("timekeeper")
     + '\n[[service]]\nkind = "sim"\nrestart = { first = 2.0 }\n'
 )
-"""A robot with the project's controller, and three with controllers that hang when told; a sim that comes back late."""
+"""A robot with the waypoint controller, three with controllers that hang on request, and a sim that restarts late."""
 
 STAR = (
     FLEET_HEADER.format(topology="star")
@@ -43,25 +43,25 @@ STAR = (
     + robot_table(1, "")
     + '\n[[service]]\nkind = "router"\nrestart = { when = "always", first = 1.0 }\n'
 )
-"""Everything through the router, which comes back late; the second robot waits for the test to drive it."""
+"""All traffic through the router, which restarts late; the test drives the second robot."""
 
 FIRST_PAUSE_S = 0.05
-"""Before the first restart of the service that ends at once [s]."""
+"""Pause before the first restart of the service that exits at once [s]."""
 BROKEN = (
     FLEET_HEADER.format(topology="direct")
     + robot_table(0, waypoint_entry(0))
     + "".join(_service(f"raise_in_{place}") for place in ("loop", "thread", "timer", "answer"))
     + _service("crash_at_once", f"restart = {{ first = {FIRST_PAUSE_S} }}")
 )
-"""A robot that must not mind, beside services that raise when told and one that cannot start."""
+"""A robot that must not be affected, services that raise on request, and one that can't start."""
 
 FAMILY = FLEET_HEADER.format(topology="direct") + robot_table(0, waypoint_entry(0)) + _service("parent")
-"""A robot, and a service with a child of its own."""
+"""A robot, and a service with a child process."""
 
 HOPELESS = FLEET_HEADER.format(topology="direct") + _service(
     "crash_at_once", "required = true\nrestart = { first = 0.05, longest = 0.1, limit = 2 }"
 )
-"""It cannot do without what cannot start."""
+"""A fleet that requires a service that can't start."""
 
 UNFIT = FLEET_HEADER.format(topology="direct") + _service("bad_input", "required = true")
-"""It cannot do without what was told something wrong."""
+"""A fleet that requires a service with bad input."""

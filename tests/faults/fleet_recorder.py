@@ -1,4 +1,4 @@
-"""A node that only looks: robots, heartbeats, liveliness and the supervisor's word, taken whenever the test asks."""
+"""A node that only observes: robots, heartbeats, liveliness tokens and the fleet state, polled by the test."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.harness.robot_recorder import RobotRecorder
 
 
 class FleetRecorder:
-    """Everything seen so far; ``look`` adds what is new."""
+    """Everything received so far; ``poll`` adds new messages."""
 
     def __init__(self, node: Node, robots: Iterable[str]) -> None:
         self.node = node
@@ -25,8 +25,8 @@ class FleetRecorder:
         self._tokens = node.transport.watch(token_pattern("node"))
 
     def poll(self) -> None:
-        """Take what has come: the newest heartbeat of each node with the time [ns] of its sending, the processes, when
-        the supervisor first told [ns] of each process id, the sessions that hold each node's token.
+        """Read new messages: each node's latest heartbeat with its sending time [ns], the processes, the time [ns] of
+        the supervisor's first report of each process id, and the sessions that hold each node's token.
         """
         for track in self.robots.values():
             track.poll()
@@ -45,9 +45,9 @@ class FleetRecorder:
             (sessions.add if event.alive else sessions.discard)(entity.session)
 
     def alive(self, node: str) -> bool:
-        """Whether a token says that the node is there."""
+        """Whether the node has a liveliness token."""
         return bool(self.sessions.get(node))
 
     def state(self, node: str) -> str:
-        """What the node's newest heartbeat says it does."""
+        """Return the state in the node's latest heartbeat."""
         return self.health[node][1].state if node in self.health else ""

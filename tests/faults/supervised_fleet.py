@@ -30,15 +30,15 @@ from tests.harness.robot_recorder import FULL_SPEED, RobotRecorder
 from tests.harness.waiting import wait_until
 
 START_S = 60.0
-"""Wall time that a fleet has to start, on a machine that is busy."""
+"""Wall time for a fleet to start on a busy machine."""
 WITHIN_S = 20.0
-"""Wall time for what takes one or two seconds on a machine that is not busy."""
+"""Wall time limit for what takes one or two seconds on an idle machine."""
 FORKER_S = 5.0
-"""Wall time in which the process that forked for a supervisor is gone after it."""
+"""Wall time within which a supervisor's forking process ends after it."""
 
 
 class SupervisedFleet:
-    """``up`` with a fleet file of the test's own; ``with`` ends it and makes sure that nothing of it is left."""
+    """Runs ``up`` with the test's fleet file; ``with`` ends it and asserts that no process is left."""
 
     def __init__(self, description: str, robots: int, folder: Path, port: int = 0) -> None:
         self.port = port or free_port()
@@ -69,7 +69,7 @@ class SupervisedFleet:
 
     @contextmanager
     def node(self, name: str, role: Role = "direct") -> Iterator[Node]:
-        """A node of the test's own on the fleet's network."""
+        """Run a node of the test on the fleet's network."""
         identity = Identity.of(name)
         with (
             ZenohTransport(configuration(role, (self.endpoint,))) as transport,
@@ -78,20 +78,20 @@ class SupervisedFleet:
             yield node
 
     def robot(self, name: str) -> RobotRecorder:
-        """What is seen of a robot."""
+        """Return a robot's recorder."""
         return self.recorder.robots[name]
 
     def process(self, name: str) -> ProcessState:
-        """What the supervisor says of a process."""
+        """Return a process's state as published by the supervisor."""
         return self.recorder.processes.get(name, ProcessState(name=name))
 
     def log(self, name: str) -> str:
-        """What a process has written, all its lives together."""
+        """Return a process's log, across all restarts."""
         file = self.folder / "run" / "logs" / f"{name.replace('/', '.')}.log"
         return file.read_text(errors="replace") if file.exists() else ""
 
     def wait(self, probe: Callable[[], object], what: str, within: float = WITHIN_S) -> None:
-        """Look until something is so."""
+        """Poll the fleet until a condition holds."""
 
         def look() -> object:
             self.recorder.poll()
@@ -101,7 +101,7 @@ class SupervisedFleet:
         wait_until(look, within, what)
 
     def wait_ready(self, *names: str, within: float = WITHIN_S) -> None:
-        """Until the supervisor says that all, or these processes, are ready and their heartbeats come."""
+        """Wait until the supervisor reports these processes, by default all, as ready."""
 
         def ready() -> bool:
             known = self.recorder.processes
@@ -111,18 +111,18 @@ class SupervisedFleet:
         self.note_descendants()
 
     def wait_full_speed(self, *robots: str) -> None:
-        """Until these robots drive at full speed."""
+        """Wait until these robots drive at full speed."""
         self.wait(lambda: all(self.robot(each).speed > FULL_SPEED for each in robots), f"{robots} at full speed")
 
     def wait_simulated(self, seconds: float, robot: str = "tb3_0") -> None:
-        """Until simulation time has advanced."""
+        """Wait until simulation time has advanced by ``seconds``."""
         self.recorder.poll()
         track = self.robot(robot)
         end = track.samples[-1].time + seconds * 1e9
         self.wait(lambda: track.samples[-1].time >= end, f"{seconds} s of simulation time")
 
     def wait_restarted(self, before: ProcessState, within: float = WITHIN_S) -> int:
-        """Until a process is ready again as another one; when the supervisor told [ns] that it had started it."""
+        """Wait until a restarted process is ready; return when [ns] the supervisor reported its start."""
 
         def ready() -> bool:
             now = self.process(before.name)
@@ -133,7 +133,7 @@ class SupervisedFleet:
         return self.recorder.started_ns[self.process(before.name).pid]
 
     def drive(self, commands: Publisher[Twist], probe: Callable[[], object], what: str) -> None:
-        """Send commands at full speed until something is so."""
+        """Publish full-speed commands until a condition holds."""
 
         def step() -> object:
             commands.publish(FORWARD)
@@ -142,11 +142,11 @@ class SupervisedFleet:
         self.wait(step, what)
 
     def send_signal(self, name: str, number: signal.Signals) -> int:
-        """Signal a process; the instant, as ``send_signal`` tells it."""
+        """Signal a process; return the time, as ``send_signal`` does."""
         return send_signal(self.process(name).pid, number)
 
     def kill(self, name: str) -> int:
-        """SIGKILL for a process; the instant."""
+        """Kill a process with SIGKILL; return the time [ns]."""
         return self.send_signal(name, signal.SIGKILL)
 
     def trigger_fault(self, name: str) -> None:
@@ -156,7 +156,7 @@ class SupervisedFleet:
         told.publish(String(data="now"))
 
     def note_descendants(self) -> set[psutil.Process]:
-        """All processes of the fleet up to now; none of them may outlive it."""
+        """Record and return all processes of the fleet so far; none may outlive it."""
         try:
             top = psutil.Process(self.supervisor.pid)
             self.descendants |= {top, *top.children(recursive=True)}
@@ -165,11 +165,11 @@ class SupervisedFleet:
         return self.descendants
 
     def survivors(self) -> list[psutil.Process]:
-        """Those that still run; a zombie has ended."""
+        """Return the processes that still run; a zombie has ended."""
         return [each for each in self.descendants if _runs(each)]
 
     def _assert_no_survivors(self) -> None:
-        """None is left; what forked for the supervisor is killed as that ends, and may need a moment for its end."""
+        """Assert that no process is left; the forking process, killed as the supervisor ends, may need a moment."""
         with suppress(AssertionError):
             wait_until(lambda: not self.survivors(), FORKER_S)
         left = self.survivors()
@@ -179,7 +179,7 @@ class SupervisedFleet:
 
 
 def send_signal(pid: int, number: signal.Signals) -> int:
-    """Signal a process; the instant [ns of the machine's clock] after which it does nothing more, or goes on."""
+    """Signal a process; return the time [ns, machine's clock] after which it has stopped or, with SIGCONT, may run."""
     process, before = psutil.Process(pid), time.time_ns()
     process.send_signal(number)
     if number is signal.SIGCONT:

@@ -1,4 +1,4 @@
-"""Faults of the arm: its controller is killed, and its reference, while it follows a sine on the wall clock."""
+"""Faults of the arm: its controller or its reference is killed while it follows a sine in real time."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tests.faults.conftest import FleetSlot
 from tests.faults.supervised_fleet import START_S, SupervisedFleet
 
 DURATION_S = 0.1
-"""How long an effort of the controller acts."""
+"""Duration [s] of an effort from the controller."""
 PATIENCE_S = 1.0
 STEP_S = 0.005
-"""The physics step; a job acts on every step from its start to its end, both included."""
+"""The physics step [s]; a job acts on every step from its start to its end, both included."""
 
 ARM = f"""
 name = "arm_faults"
@@ -45,7 +45,7 @@ parameters = {{ reference_type = "sine", sin_ref_gain = 30.0, sin_ref_f = 0.5 }}
 
 
 class ArmRecorder:
-    """Everything seen of the joint, the jobs on it and the references, as it was sent."""
+    """Records the joint's states, its effort jobs and the references."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -66,12 +66,12 @@ class ArmRecorder:
 
     @property
     def angle(self) -> float:
-        """deg."""
+        """The joint's latest angle [deg]."""
         return math.degrees(self.joints[-1].position[0])
 
     @property
     def time(self) -> float:
-        """s."""
+        """The latest simulation time [s]."""
         return self.joints[-1].header.stamp.ns / 1e9
 
 
@@ -88,7 +88,7 @@ def swinging(
 
 
 def follows(fleet: SupervisedFleet, witness: ArmRecorder) -> None:
-    """Until the joint has been near the reference at both ends of its swing."""
+    """Wait until the joint has been near the reference at both ends of its swing."""
     seen: set[int] = set()
 
     def look() -> bool:
@@ -116,7 +116,7 @@ def test_a_killed_controller_lets_the_joint_go_within_its_last_job(
     times = [job.start_time.ns / 1e9 for job in witness.jobs if job.start_time.ns / 1e9 > begin - DURATION_S]
     gaps = zip(times, [*times[1:], math.inf], strict=True)
     start, back = next((last, next_) for last, next_ in gaps if next_ - last > DURATION_S)
-    end = min(witness.time, back)  # the next controller may be there already
+    end = min(witness.time, back)  # the next controller may already be running
     after = [(state.header.stamp.ns / 1e9, state.effort[0]) for state in witness.joints[-100:]]
     acting = [time for time, effort in after if effort]
     free = [effort for time, effort in after if start + DURATION_S + 2 * STEP_S < time <= end]
@@ -130,7 +130,7 @@ def test_a_killed_controller_lets_the_joint_go_within_its_last_job(
 
 
 def test_a_killed_reference_is_held_and_said(swinging: tuple[SupervisedFleet, ArmRecorder]) -> None:
-    """What the controller sends acts longer here: one that gets no processor for a moment does not let the joint go."""
+    """Efforts act longer here, so that a controller that briefly gets no processor doesn't release the joint."""
     fleet, witness = swinging
     patient = (Assignment(name="duration", value=PATIENCE_S), Assignment(name="state_timeout", value=PATIENCE_S))
     witness.node.call(PARAMS_SET, SetParameters(set="/robot_control", values=patient, run=True, who="test"))

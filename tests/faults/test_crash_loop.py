@@ -36,7 +36,7 @@ def test_it_stays_given_up_and_the_others_do_not_mind(broken: SupervisedFleet) -
     broken.wait_full_speed("tb3_0")
     robot = broken.robot("tb3_0")
     seen = len(robot.samples)
-    broken.wait_simulated((1 + JITTER) * POLICY.first * 2**POLICY.limit + 0.5)  # as long as the next pause would be
+    broken.wait_simulated((1 + JITTER) * POLICY.first * 2**POLICY.limit + 0.5)  # longer than the next pause would be
     assert broken.log(NAME).splitlines().count("the lidar does not answer") == 1 + POLICY.limit
     assert min(each.speed for each in robot.samples[seen:]) > FULL_SPEED
     for name in ("router", "sim", "grader", "tb3_0/waypoint"):

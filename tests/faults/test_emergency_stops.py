@@ -1,4 +1,4 @@
-"""A stop that a person gave, while the simulation, the panel or the tool dies, and the controller drives on."""
+"""A user's emergency stop holds while the simulation, the panel or the tool dies and the controller drives on."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ DESCRIPTION = (
     + '\n[[service]]\nkind = "panel"\nrestart = { first = 0.2 }\nparameters = { port = 0 }\n'
 )
 FREE = "tb3_1"
-"""The robot that nobody stops: it shows that its controller drives, and time runs."""
+"""The robot that is never stopped; it shows that controllers drive and time runs."""
 COMMANDED = 10
-"""Commands of 25 Hz by which a robot that is not stopped would be at full speed."""
+"""Number of commands at 25 Hz after which a robot without a stop would be at full speed."""
 
 
 class EmergencyStopHarness:
-    """Two robots at full speed, a page of the panel, and the verbs of a person's shell."""
+    """Two robots at full speed, a page of the panel, and commands in a user's shell."""
 
     def __init__(self, fleet: SupervisedFleet) -> None:
         self.fleet, self.robot = fleet, fleet.robot("tb3_0")
 
     def page(self, on: bool, name: str = "/tb3_0") -> str:
-        """Press STOP, or reset, of a robot on a page; what it answers."""
+        """Press STOP or reset of a robot on a page; return the answer."""
         address = wait_until(lambda: read_address(self.fleet.folder / "run" / ADDRESS_FILE), what="the panel's address")
         with page_client(address) as at:
             send(at, k="subscribe", channels=["robots"])
@@ -56,7 +56,7 @@ class EmergencyStopHarness:
             return str(wait_message(at, "reply")["result"])
 
     def shown(self) -> tuple[bool, bool]:
-        """Whether a new page shows the robot as stopped by this panel, and as stopped at all."""
+        """Return whether a new page shows the robot as stopped by this panel, and as stopped at all."""
         address = wait_until(lambda: read_address(self.fleet.folder / "run" / ADDRESS_FILE), what="the panel's address")
         with page_client(address) as at:
             send(at, k="subscribe", channels=["robots"])
@@ -72,18 +72,18 @@ class EmergencyStopHarness:
         return ForkedVerb((*arguments, "--connect", self.fleet.endpoint), ROOT, os.environ)
 
     def do(self, *arguments: str) -> str:
-        """Run a verb to its end."""
+        """Run a command to its end, assert success, and return its output."""
         ran = self.verb(*arguments)
         out, err = ran.communicate(timeout=60)
         assert ran.returncode == 0, out + err
         return out
 
     def stops(self) -> tuple[EmergencyStop, ...]:
-        """What the simulation holds."""
+        """Return the simulation's emergency stops."""
         return self.fleet.recorder.node.call(LIST_STOPS, Empty()).stops
 
     def wait_held(self, *holders: str) -> None:
-        """Until these, by the beginnings of their names, and no others hold the robot, and it stands."""
+        """Wait until exactly these holders, given by name prefix, stop the robot, and it stands still."""
 
         def held() -> bool:
             names = self.robot.base.stopped_by
@@ -97,18 +97,20 @@ class EmergencyStopHarness:
         self.fleet.wait(held, f"a robot held by {holders}, not {self.robot.base.stopped_by}")
 
     def wait_driving(self) -> None:
-        """Until both robots drive again."""
+        """Wait until no stop holds the robot and it drives again."""
         self.wait_held()
         self.fleet.wait(lambda: self.robot.speed > 0.1, "a robot that drives")
 
     def restart(self, name: str) -> int:
-        """Kill a process; when [ns] the next one had been started."""
+        """Kill a process; return when [ns] its successor was reported as started."""
         before = self.fleet.process(name)
         self.fleet.kill(name)
         return self.fleet.wait_restarted(before)
 
     def watch_it_stand(self, since: int) -> None:
-        """From the first sight of it after ``since`` [ns] on, while its controller commands it and another drives."""
+        """Assert that it stands still after ``since`` [ns], while its controller commands it and the other one
+        drives.
+        """
         other, commands = self.fleet.robot(FREE), len(self.robot.command_instants)
         self.fleet.wait(
             lambda: (
@@ -137,7 +139,7 @@ def test_a_stop_from_the_panel_outlives_the_simulation_and_the_panel(fleet_with_
     born = fleet_with_stops.restart("sim")
     fleet_with_stops.watch_it_stand(born)
     fleet_with_stops.wait_held("/panel")
-    # Both at once: nobody is left who remembers, but for the file.
+    # Both at once: only the file still has the stop.
     fleet_with_stops.fleet.kill("panel")
     born = fleet_with_stops.restart("sim")
     fleet_with_stops.watch_it_stand(born)
@@ -204,7 +206,7 @@ def test_a_file_that_cannot_be_written_or_read(fleet_with_stops: EmergencyStopHa
     run = Path(fleet_with_stops.fleet.folder) / "run"
     file = run / "stops.json"
     beside = run / f".stops.json.{fleet_with_stops.fleet.process('sim').pid}"
-    beside.mkdir()  # the simulation can write no new file, as on a full disk
+    beside.mkdir()  # the simulation can't write a new file, as on a full disk
     (beside / "full").touch()
     fleet_with_stops.page(True)
     fleet_with_stops.wait_held("/panel")

@@ -1,4 +1,4 @@
-"""Fault 9: an unhandled exception in the loop, a thread or a timer; and one while a request is answered."""
+"""Fault 9: an unhandled exception in the loop, a thread, a timer, or a request handler."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_the_process_ends_with_a_traceback_and_comes_back(broken: SupervisedFlee
 
 
 def test_a_request_whose_handler_fails_is_answered_so_and_ends_nothing(broken: SupervisedFleet) -> None:
-    """A request comes from outside: it must not end the process that serves it."""
+    """A request comes from outside and must not end the process that serves it."""
     name = "raise_in_answer"
     broken.wait_ready(name)
     before = broken.process(name)

@@ -1,4 +1,4 @@
-"""Faults 2 and 3: a controller's loop hangs, or it freezes and may go on later, while its process lives on."""
+"""Faults 2 and 3: a controller's loop hangs, or the controller is frozen and may resume later."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONTROLLERS = {
     "tb3_2": "tb3_2/spin",
     "tb3_3": "tb3_3/gil",
 }
-"""By robot; the first is frozen, the others hang in the way that their names tell."""
+"""Controllers by robot; the first is frozen, the others hang as their names say."""
 
 
 def test_the_robots_stop_and_the_watchdog_replaces_the_controllers(driving: SupervisedFleet) -> None:
@@ -56,7 +56,7 @@ def test_the_robots_stop_and_the_watchdog_replaces_the_controllers(driving: Supe
 
 
 def test_a_short_freeze_stops_the_robot_until_a_fresh_command(driving: SupervisedFleet) -> None:
-    """Less than the three heartbeats after which a controller would be replaced."""
+    """The freeze is shorter than the three heartbeats after which a controller would be replaced."""
     robot, before = driving.robot("tb3_0"), driving.process(FROZEN)
     driving.wait_full_speed("tb3_0")
     frozen = driving.send_signal(FROZEN, signal.SIGSTOP)
@@ -74,7 +74,7 @@ def test_a_short_freeze_stops_the_robot_until_a_fresh_command(driving: Supervise
 
 
 def test_a_frost_longer_than_the_lease_without_a_supervisor(driving: SupervisedFleet) -> None:
-    """Its links are closed meanwhile; when it goes on, it must join anew before it may drive."""
+    """Its links are closed meanwhile; when it resumes, it must rejoin before it may drive."""
     robot, node = driving.robot("tb3_0"), driving.recorder.node
     node.call(SUPERVISOR_STOP, Name(name=FROZEN))
     driving.wait(lambda: driving.process(FROZEN).state == "stopped", "a controller that is stopped")

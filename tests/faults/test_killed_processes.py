@@ -1,4 +1,4 @@
-"""Faults 1, 4 and 6: a controller at full speed, the router and the simulation are killed, and come back."""
+"""Faults 1, 4 and 6: a controller at full speed, the router and the simulation are killed and restarted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.harness.robot_recorder import FULL_SPEED, LATEST_STOP_S
 from tests.harness.waiting import wait_until
 
 LANDING = 0.01
-"""m/s; a robot that was just put into the world settles on its wheels."""
+"""Speed [m/s] allowed while a newly spawned robot settles on its wheels."""
 
 
 def test_without_its_controller_the_robot_stops_until_it_comes_back(driving: SupervisedFleet) -> None:
@@ -73,7 +73,7 @@ def test_without_the_simulation_controllers_wait_and_follow_the_new_one(driving:
     assert robot.base.stale_dropped == 0
     fresh = robot.first_command_after(born)
     assert fresh is not None
-    # Where the observer has missed the first commands, as it joins the new simulation itself, it cannot judge.
+    # The observer, which joins the new simulation too, may miss the first commands and can't judge them.
     heard = next(each for each in robot.command_samples if each.sent >= fresh)
     unmoved = [each for each in robot.samples if began.sent <= each.sent < fresh]
     assert not heard.consecutive or [each for each in unmoved if each.speed > LANDING] == []
@@ -93,7 +93,7 @@ def test_without_the_simulation_controllers_wait_and_follow_the_new_one(driving:
 
 
 def declared(fleet: SupervisedFleet, name: str) -> set[tuple[str, str, str, str]]:
-    """What a newcomer sees of the network: all but the router and the test's own nodes."""
+    """Return the entities that a new node discovers, without the router's and the test's own."""
     with fleet.node(name) as node:
         return {
             (each.kind, each.node, each.name, each.session)
@@ -103,6 +103,6 @@ def declared(fleet: SupervisedFleet, name: str) -> set[tuple[str, str, str, str]
 
 
 def _admitted(ticks: Subscriber[String]) -> bool:
-    """Whether anything has come."""
+    """Whether any message has arrived."""
     ticks.update()
     return bool(ticks.messages)

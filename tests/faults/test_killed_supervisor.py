@@ -1,4 +1,4 @@
-"""Fault 7: the supervisor is killed; nothing of its fleet survives, and the next one starts at once."""
+"""Fault 7: the supervisor is killed; no process of its fleet survives, and the next fleet starts at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.harness.waiting import wait_until
 
 NODES = ("router", "params", "sim", "grader", "parent", "tb3_0/waypoint")
 FAMILY_SIZE = len(NODES) + 4
-"""The processes of the nodes, the child of one of them, the supervisor, its reaper and what forks for it."""
+"""Number of processes: the nodes', a child of one of them, the supervisor, its reaper and its forking process."""
 
 
 @pytest.mark.usefixtures("only_fleet")

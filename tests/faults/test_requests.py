@@ -1,4 +1,4 @@
-"""Requests that would occupy a service: too large, too many, too much work; and a second server of one."""
+"""Requests that would overload a service: too large, too many, too much work; and a second server for a name."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FLEET = f'name = "asked"\n{BURGER}pose = {{ x = 0.0, y = 0.0, yaw = 0.0 }}\n'
 NODES = "/sim", "/params", "/supervisor"
 SET = "/tb3_0/base"
 UNKNOWN = msgpack.packb({"set": SET, "values": [{"name": f"x{number:0250}", "value": 1} for number in range(1000)]})
-"""As many names that nobody knows as one request may hold: comparing each with all known ones took 60 ms for one."""
+"""As many unknown names as fit in one request: comparing one of them with all known names took 60 ms."""
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def session(asked_fleet: SupervisedFleet) -> Iterator[zenoh.Session]:
 
 @pytest.fixture
 def unharmed(asked_fleet: SupervisedFleet) -> Iterator[None]:
-    """Each process lives on, and the next true requests are answered."""
+    """Assert after each test that every process is still running and that valid requests are answered."""
     before = {name: each.pid for name, each in asked_fleet.recorder.processes.items()}
     yield
     node = asked_fleet.recorder.node
@@ -90,7 +90,7 @@ def test_names_that_are_long_or_many_get_an_error_at_once(session: zenoh.Session
 
 @pytest.mark.usefixtures("unharmed")
 def test_a_flood_of_requests_stops_no_heart(asked_fleet: SupervisedFleet, session: zenoh.Session) -> None:
-    """To each of three services at once, more than can wait, and of the most work that a request can make."""
+    """To each of three services at once: more requests than can queue, of the most expensive kind."""
     nobody = msgpack.packb({"name": "nobody" * 10})
     payloads = {GET_STATE: nobody, PARAMS_SET: UNKNOWN, SUPERVISOR_STOP: nobody}
     flood = [
@@ -102,7 +102,7 @@ def test_a_flood_of_requests_stops_no_heart(asked_fleet: SupervisedFleet, sessio
     said = [reply.err.payload.to_bytes() for each in flood for reply in each if reply.err is not None]
     assert len(said) == len(flood)
     assert TIMEOUT not in said
-    # How many find the queue full is the machine's affair: a fast one answers as they come.
+    # How many find the queue full depends on the machine: a fast one answers as they arrive.
     assert all(any(reason in each for reason in (b"nobody", b"unknown", b"busy")) for each in said)
     heard = asked_fleet.recorder.health
     asked_fleet.recorder.poll()

@@ -1,4 +1,4 @@
-"""Faults 3 and 4 where everything passes the router: it freezes with commands in it, and it is killed."""
+"""Faults 3 and 4 with all traffic through the router: it freezes with commands in it, and it is killed."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from tests.harness.robot_recorder import FULL_SPEED, LATEST_STOP_S, STANDSTILL_S
 from tests.harness.waiting import wait_until
 
 BURST = 10
-"""Commands sent into the frozen router, this [s] apart."""
+"""Commands sent into the frozen router, and the time between them [s]."""
 SPACING_S = 0.02
 
 
 def pass_time(seconds: float) -> None:
-    """Let commands grow old on the wall clock."""
+    """Let commands age on the wall clock."""
     end = time.monotonic() + seconds
     wait_until(lambda: time.monotonic() > end)
 
 
 def test_a_burst_of_old_commands_is_dropped(star: SupervisedFleet) -> None:
-    """What was sent into the frozen router arrives at once when it goes on; the commander is silent by then."""
+    """The commands in the frozen router arrive all at once when it resumes; by then the controller is silent."""
     robot = star.robot("tb3_1")
     with star.node("commander", "star") as node:
         commands = node.advertise(CMD_VEL, "/tb3_1/cmd_vel")

@@ -1,4 +1,4 @@
-"""Fault 8, escalated: the fleet cannot do without the process that cannot start."""
+"""Fault 8, escalated: the fleet requires a process that can't start."""
 
 from __future__ import annotations
 

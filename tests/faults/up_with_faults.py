@@ -1,4 +1,4 @@
-"""``./elea up`` for fleets with faulty services: a member named after a file in ``services`` is run from there."""
+"""``./elea up`` for fleets with faulty services: a service named after a file in ``services`` is run from there."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FAULTY = Path(__file__).parent / "services"
 
 
 def with_faults(fleet: Fleet, terms: RunOptions) -> tuple[ProcessSpec, ...]:
-    """The processes of a fleet; all but the modules of the faulty ones is as the fleet file says."""
+    """Return the processes of a fleet, with the faulty services' modules replaced."""
     return tuple(_replaced(each) for each in plan_processes(fleet, terms))
 
 

@@ -1,4 +1,4 @@
-"""A fleet in the background, commands on it, and an external program that follows none of the project's rules."""
+"""Runs a fleet in the background, commands on it, and an external publisher that uses plain Zenoh."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ends = "never"
 name = "tb3_0"
 model = "burger"
 """
-"""A robot in real time without an end, for the file of a fleet; what follows is the robot's."""
+"""A fleet file with one robot, in real time and without an end; keys appended to it belong to that robot."""
 IDLE = f"""
 name = "idle"
 description = "A burger and a waffle, and nobody who drives them"
@@ -44,36 +44,36 @@ WEATHER = {
     "wind": [1, 2],
     "grid": msgpack.ExtType(1, msgpack.packb(["<i2", [2, 2], np.arange(4, dtype="<i2").tobytes()])),
 }
-"""A message of a type that this project does not know."""
+"""A message of a type unknown to this project."""
 SAMPLE_S = 0.02
-"""Wall time between two samples of the foreign program."""
+"""Wall time between two messages of the external publisher."""
 
 
 class BackgroundFleet:
-    """A running fleet."""
+    """A running fleet and the commands on it."""
 
     def __init__(self, terminal: CommandLine) -> None:
         self.command_line = terminal
         self.endpoint = router_endpoint(terminal.port)
 
     def run(self, *arguments: str, status: int = 0) -> CommandResult:
-        """Run a verb to its end, with an exit status."""
+        """Run a command to its end; assert its exit status and that it printed no traceback."""
         ended = self.command_line.run(*arguments)
         assert ended.status == status, ended.out + ended.err
         assert "Traceback" not in ended.err
         return ended
 
     def run_json(self, *arguments: str, status: int = 0) -> Any:
-        """The JSON document that a verb prints."""
+        """Run a command with ``--json`` and return the JSON document that it prints."""
         return json.loads(self.run(*arguments, "--json", status=status).out)
 
     def run_json_lines(self, *arguments: str, status: int = 0) -> list[Any]:
-        """The JSON lines that a verb prints."""
+        """Run a command with ``--json`` and return the JSON lines that it prints."""
         return [json.loads(each) for each in self.run(*arguments, "--json", status=status).out.splitlines()]
 
     @contextmanager
     def start(self, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-        """A verb that goes on; it is killed if the test has not ended it."""
+        """Start a command that runs until stopped; it is killed at the end of the block if it still runs."""
         process = self.command_line.start(*arguments)
         try:
             yield process
@@ -84,18 +84,18 @@ class BackgroundFleet:
 
 
 def interrupt(process: subprocess.Popen[str]) -> CommandResult:
-    """End a verb by Ctrl-C."""
+    """End a command with SIGINT (Ctrl-C) and return its result."""
     assert process.stdout is not None
     assert process.stderr is not None
     process.send_signal(signal.SIGINT)
-    # Not communicate: it would not see what a readline before it has left over.
+    # Not communicate(): it would miss text that an earlier readline() left in the buffer.
     out, err = process.stdout.read(), process.stderr.read()
     return CommandResult(process.wait(20), out, err)
 
 
 @contextmanager
 def background_fleet(folder: Path, text: str = IDLE) -> Iterator[BackgroundFleet]:
-    """A fleet of the text of its file."""
+    """Run a fleet in the background from the text of its file; it is shut down at the end of the block."""
     file = folder / "fleet.toml"
     file.write_text(text)
     terminal = CommandLine(folder)
@@ -111,7 +111,9 @@ def background_fleet(folder: Path, text: str = IDLE) -> Iterator[BackgroundFleet
 def external_publisher(
     endpoint: str, key: str, payload: Any, *, encoding: str = "", numbers: bool = False
 ) -> Iterator[None]:
-    """A foreign program that sends ``payload`` again and again; with ``numbers`` it leaves out each fourth."""
+    """Publish ``payload`` every SAMPLE_S from a plain Zenoh client; with ``numbers``, messages carry sequence numbers
+    of which every fourth is missing.
+    """
     stop = threading.Event()
 
     def send(session: zenoh.Session) -> None:

@@ -1,4 +1,4 @@
-"""Names the item of a loop in which a test fails."""
+"""Names the loop item for which a test fails."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def case(*names: object) -> Iterator[None]:
-    """Add the item's name to the error of the block."""
+    """Add the item's name, as a note, to an exception raised in the block."""
     try:
         yield
     except BaseException as error:

@@ -1,4 +1,4 @@
-"""Every verb of the command line, with those below it."""
+"""Lists every command of the command line, with its subcommands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from deploy.commands.lazy_group import LazyGroup
 
 
 def all_commands() -> list[tuple[str, ...]]:
-    """The words of each verb, ``("topic",)`` and ``("topic", "echo")`` for two."""
+    """Return the words of each command and subcommand, for example ``("topic",)`` and ``("topic", "echo")``."""
     return _below(elea, ())
 
 

@@ -1,4 +1,4 @@
-"""The command line as used by a person, with its own state folder and port."""
+"""The command line as a user runs it, with a state folder and port of its own."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tests.harness.fork_server import ForkedVerb
 from tests.harness.ports import free_port
 
 WITHIN_S = 100.0
-"""Wall time that a command has; on a busy machine a run of some seconds takes half of it."""
+"""Wall time limit of a command; on a busy machine a run of some seconds takes half of it."""
 
 
 class CommandResult(NamedTuple):
-    """What a command left: exit status, standard output, standard error."""
+    """A command's exit status, standard output and standard error."""
 
     status: int
     out: str
@@ -25,7 +25,7 @@ class CommandResult(NamedTuple):
 
 
 class CommandLine:
-    """Runs ``python -m deploy``; whatever it starts lies in ``folder``."""
+    """Runs ``python -m deploy`` in ``folder``, with its state there."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -33,11 +33,11 @@ class CommandLine:
         self.environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(folder / "state")}
 
     def run(self, *arguments: str, within: float = WITHIN_S) -> CommandResult:
-        """Run a verb to its end; one that does not end is killed, and with it all that it started."""
+        """Run a command to its end; after ``within`` [s], kill it and all that it started, and fail."""
         return self.finish(self.start(*arguments), within)
 
     def finish(self, process: subprocess.Popen[str], within: float = WITHIN_S) -> CommandResult:
-        """Wait for a verb that was begun; one that does not end is killed, and with it all that it started."""
+        """Wait for a started command; after ``within`` [s], kill it and all that it started, and fail."""
         try:
             out, err = process.communicate(timeout=within)
         except subprocess.TimeoutExpired:
@@ -47,16 +47,16 @@ class CommandLine:
         return CommandResult(process.returncode, out, err)
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
-        """Begin a verb, for a test that ends it."""
+        """Start a command without waiting for its end."""
         return ForkedVerb(arguments, self.folder, self.environment)
 
     def run_fleet(self, fleet: str | Path, results: Path, *options: str, picture: bool = False) -> CommandResult:
-        """Run a fleet to its end."""
+        """Run a fleet to its end, without a viewer."""
         return self.finish(self.start_fleet(fleet, results, *options, picture=picture))
 
     def start_fleet(
         self, fleet: str | Path, results: Path, *options: str, picture: bool = False
     ) -> subprocess.Popen[str]:
-        """Begin to run a fleet, for a test that does something meanwhile."""
+        """Start a fleet without waiting for its end."""
         at = ("--port", str(self.port), "--report", str(results), "--no-view")
         return self.start("up", str(fleet), *at, *(() if picture else ("--no-picture",)), *options)

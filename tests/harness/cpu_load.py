@@ -1,4 +1,4 @@
-"""Programs that take processor time from all others, intermittently."""
+"""An intermittent processor load."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ while True:
     time.sleep({burst_s})
 """
 BURST_S = 0.05
-"""Wall time for which a process is busy, and then waits: a dozen ticks of a controller."""
+"""Wall time for which a load process is busy, and then sleeps: a dozen ticks of a controller."""
 
 
 @contextmanager
 def cpu_load(count: int) -> Iterator[None]:
-    """So many processes beside the block that are busy every other BURST_S, each in a session of its own: Linux shares
-    time out by sessions. A load that comes and goes upsets the order of others more than one that stays.
+    """Run ``count`` load processes during the block, busy every other BURST_S. Each has a session of its own, since
+    Linux shares processor time by session. An intermittent load disturbs scheduling more than a constant one.
     """
     with ExitStack() as stack:
         for _ in range(count):

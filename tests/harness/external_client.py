@@ -1,4 +1,4 @@
-"""A Zenoh session that keeps to none of the project's rules."""
+"""A plain Zenoh session that uses none of the project's transport."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _BLOCKING_QOS = {
     "overwrite": {"congestion_control": "block"},
     "flows": ["egress"],
 }
-"""Nothing that it sends is dropped on the way for want of room, as Zenoh's default does on a busy machine."""
+"""Block when a queue is full; Zenoh's default drops messages then, which happens on a busy machine."""
 
 
 @contextmanager
 def external_client(endpoint: str) -> Iterator[zenoh.Session]:
-    """A plain client of the router at ``endpoint``."""
+    """Open a plain Zenoh client session with the router at ``endpoint``."""
     config = {"mode": "client", "connect": {"endpoints": [endpoint]}, "qos": {"network": [_BLOCKING_QOS]}}
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
         yield session
 
 
 def error_reason(session: zenoh.Session, key: str, payload: bytes | None) -> str:
-    """The reason in the error reply to a request; fails when it was carried out or left without an answer."""
+    """Send a request and return the reason in its error reply; fail if it succeeded or got no reply."""
     replies = list(session.get(key, payload=payload, timeout=10.0))
     assert len(replies) == 1, f"{len(replies)} replies of {key} to {payload!r}"
     assert replies[0].ok is None, f"{key} did what {payload!r} asks"

@@ -1,4 +1,4 @@
-"""A fake parameter service: it answers and publishes what a test tells it to."""
+"""A fake parameter service whose replies and updates the test determines."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tests.harness.memory_node import memory_node
 
 
 def parameter_values(name: str, values: dict[str, Any], revision: int = 1, origin: Origin = "saved") -> ParameterValues:
-    """Effective values as the parameter service tells them."""
+    """Return effective values as the parameter service publishes them."""
     made = tuple(Parameter(name=each, value=value, origin=origin) for each, value in values.items())
     return ParameterValues(set=name, revision=revision, values=made)
 
 
 class FakeParameterService:
-    """The node ``/params`` in a thread of its own; ``answer`` makes the reply to an announcement."""
+    """The node ``/params`` in a thread of its own; ``answer`` computes the reply to an announcement."""
 
     def __init__(self, bus: MemoryBus, answer: Callable[[Announcement], ParameterValues] | None = None) -> None:
         self.announcements: list[Announcement] = []
@@ -48,7 +48,7 @@ class FakeParameterService:
         self._node.transport.close()
 
     def publish(self, name: str, values: dict[str, Any], origin: Origin = "saved") -> None:
-        """Tell values of a set, as after a change."""
+        """Publish a set's values, as after a change; return once they are sent."""
         self._revision += 1
         news = parameter_values(name, values, self._revision, origin)
         done = threading.Event()

@@ -1,9 +1,9 @@
-"""Lets a forked process fork what it starts of the project, as its own children, from a copy of itself without threads.
+"""Lets a forked command fork the project's processes, as its own children, from a thread-free copy of itself.
 
-A supervisor has threads of its network, and a fork of it would have locks that nobody releases. So a verb that starts
-processes is copied before it does anything. The copy forks twice for each start; as the one between ends at once, the
-kernel gives the new process to the verb, which is a subreaper: the verb waits for it, and it dies with the verb, as if
-the verb had started it by itself.
+A supervisor has network threads; a fork of it would inherit locks that nothing releases. So a command that starts
+processes is copied before it does anything. The copy forks twice for each start; as the intermediate process ends at
+once, the kernel makes the new process a child of the command, which is a subreaper: the command can wait for it, and it
+dies with the command, as if started directly.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ _STREAMS = (0, 1, 2)
 _turn = threading.Lock()
 
 HASHES = "PYTHONHASHSEED"
-"""The variable by which Python chooses the order of sets before anything runs."""
+"""The environment variable that sets Python's hash seed, and with it the order of sets, at start."""
 _hashes = os.environ.get(HASHES)
-"""That of the process which forks."""
+"""The hash seed of the forking process."""
 
 Become = Callable[[dict[str, Any]], None]
-"""Is the process that was asked for, to its end."""
+"""Runs the requested process in the current one, and ends with it."""
 
 
 def is_forkable(module: str) -> bool:
-    """Whether the module is one that a fork can run: it needs no Python of its own."""
+    """Whether a fork can run the module, without starting Python."""
     return module in ("deploy", "services", "services.script", "tests.faults.up_with_faults") or module.startswith(
         "tests.faults.services."
     )
 
 
 def fixes_same_hashes(environment: Mapping[str, str]) -> bool:
-    """Whether a fork has the order of sets that an environment asks for, if it asks for one."""
+    """Whether a fork has the hash seed that an environment sets, if it sets one."""
     return environment.get(HASHES, _hashes) == _hashes
 
 
 def fork_children(become: Become, arguments: Sequence[str]) -> None:
-    """From now on, what this process starts by ``subprocess`` of the project is forked, if its verb starts processes.
+    """If this process runs a command that starts processes, make ``subprocess`` fork those of the project from now on.
 
     Args:
-        become: Is the process that was asked for.
-        arguments: Those of this process, the verb first.
+        become: Runs the requested process in the current one.
+        arguments: Arguments of this process, the command first.
     """
     if not arguments or arguments[0] not in _STARTING_VERBS:
         return
@@ -69,7 +69,7 @@ def fork_children(become: Become, arguments: Sequence[str]) -> None:
 
 
 class _Popen(subprocess.Popen[Any]):
-    """Starts a process; one of the project by a fork."""
+    """``subprocess.Popen`` that starts the project's processes by forking."""
 
     link: socket.socket
     pythonpath: str
@@ -94,7 +94,7 @@ class _Popen(subprocess.Popen[Any]):
 
 
 def _serve(link: socket.socket, supervisor: int, become: Become) -> None:
-    """Start what is asked for, until the process that asks has ended."""
+    """Fork the requested processes until the requesting process ends."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     while True:

@@ -1,10 +1,10 @@
-"""Runs verbs and services as processes that need not load the project first: they are forked from one that has.
+"""Runs commands and services as forks of a server process that has already imported the project.
 
-A verb takes a fifth of a second to start Python and to import, a service up to half a second, and most of them do
-little else. All but that is as with ``python -m deploy``: a process of its own, with its environment, folder, streams,
-signals and exit status. What a forked verb starts of the project is forked, too; ``tests.harness.fork_children`` has
-how. Where it replaces itself by a service, as ``bag record`` does, the same process goes on as that service. How long
-the imports take is measured elsewhere.
+Starting Python and importing takes a command 0.2 s and a service up to 0.5 s; most do little else. Otherwise a fork
+behaves as ``python -m deploy``: a process of its own, with its environment, folder, streams, signals and exit status.
+The project's processes that a forked command starts are forked, too (see ``tests.harness.fork_children``). Where a
+command replaces itself with a service, as ``bag record`` does, the same process continues as that service. Import times
+are measured elsewhere.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from tests.harness.fork_children import HASHES, fixes_same_hashes, fork_children
 
 STREAMS = (0, 1, 2)
 _OTHERS = ("logger",)
-"""Services that cannot be loaded before a fork: what they import starts threads."""
+"""Services that cannot be imported before a fork: their imports start threads."""
 _LOADED = (
     "deploy.run_fleet",
     "deploy.detach",
@@ -51,10 +51,11 @@ _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 class ForkedProcess(subprocess.Popen[str]):
-    """``python -m MODULE`` with some arguments, for modules that ``is_forkable``; its standard input is empty.
+    """``python -m MODULE ARGUMENTS`` for a module that ``is_forkable``, with empty standard input.
 
-    Its parent is the server, which dies with this process. Without ``log``, its output and errors are pipes. With the
-    path of a ``terminal``, that is its three streams instead, and controls the session that it leads.
+    Its parent is the fork server, which dies with this process. Without ``log``, its output and errors are pipes. With
+    the path of a ``terminal``, all three streams are that terminal, the controlling terminal of the session that it
+    leads.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class ForkedProcess(subprocess.Popen[str]):
         terminal: str = "",
     ) -> None:
         self._terminal = terminal
-        with _starting:  # tests start fleets side by side, from threads
+        with _starting:  # tests start fleets in parallel, from threads
             _server()
         errors = subprocess.STDOUT if log != subprocess.PIPE else subprocess.PIPE
         super().__init__(
@@ -118,7 +119,7 @@ class ForkedProcess(subprocess.Popen[str]):
 
 
 class ForkedVerb(ForkedProcess):
-    """``python -m deploy`` with some arguments; its output and errors are pipes."""
+    """``python -m deploy ARGUMENTS``, with output and errors as pipes."""
 
     def __init__(self, arguments: Sequence[str], cwd: Path, env: Mapping[str, str]) -> None:
         super().__init__("deploy", arguments, cwd, env)
@@ -127,14 +128,14 @@ class ForkedVerb(ForkedProcess):
 def run_verb(
     *arguments: str, cwd: Path = ROOT, env: Mapping[str, str] = os.environ, within: float = 60.0
 ) -> subprocess.CompletedProcess[str]:
-    """A verb, run to its end."""
+    """Run a command to its end; kill it if it takes longer than ``within`` [s]."""
     return run_module("deploy", *arguments, cwd=cwd, env=env, within=within)
 
 
 def run_module(
     module: str, *arguments: str, cwd: Path = ROOT, env: Mapping[str, str] = os.environ, within: float = 60.0
 ) -> subprocess.CompletedProcess[str]:
-    """``python -m MODULE`` with some arguments, run to its end."""
+    """Run ``python -m MODULE ARGUMENTS`` to its end; kill it if it takes longer than ``within`` [s]."""
     with ForkedProcess(module, arguments, cwd, env) as process:
         try:
             out, err = process.communicate(timeout=within)
@@ -146,20 +147,20 @@ def run_module(
 
 @cache
 def _server() -> tuple[str, int]:
-    """Where the server listens, and its process id; it ends with this process, by the end of its standard input."""
-    folder = os.environ.get("XDG_RUNTIME_DIR")  # that of this test run, which ends with it
+    """Start the fork server and return its socket path and process id; it ends at EOF on its standard input."""
+    folder = os.environ.get("XDG_RUNTIME_DIR")  # of this test run, removed at its end
     path = str(Path(tempfile.mkdtemp(prefix="fork-", dir=folder)) / "socket")
     command = [sys.executable, "-P", "-m", "tests.harness.fork_server", path]
     env = {**os.environ, **_SINGLE, HASHES: "0", "PYTHONPATH": str(ROOT)}
     server = subprocess.Popen(command, env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert server.stdout is not None
-    assert "ready\n" in server.stdout, "the server of forks did not start"  # behind what libraries say
+    assert "ready\n" in server.stdout, "the server of forks did not start"  # after any output of libraries
     _server.process = server  # type: ignore[attr-defined]
     return path, server.pid
 
 
 def _serve(path: str) -> None:
-    """Fork for each who connects, and tell the process id, and its exit status at its end."""
+    """Fork for each connection; send the process id, and the exit status once it ends."""
     import deploy.commands
     import deploy.live
 
@@ -168,7 +169,7 @@ def _serve(path: str) -> None:
             importlib.import_module(each.name)
     for name in (*_LOADED, *(f"services.{each}.loop" for each in service_kinds() if each not in _OTHERS)):
         importlib.import_module(name)
-    python2.convert("pass", "")  # it compiles the patterns of its fixes at first use, which takes 0.07 s
+    python2.convert("pass", "")  # compiles the patterns of its fixes at first use, which takes 0.07 s
     assert len(os.listdir("/proc/self/task")) == 1, "a fork has only one of the threads"
     gc.collect()
     gc.freeze()
@@ -213,7 +214,7 @@ def _fork(listener: socket.socket, links: dict[int, socket.socket]) -> None:
 
 
 def become(asked: dict[str, Any]) -> NoReturn:
-    """Be the process that was asked for, to its end; its streams are in place."""
+    """Run the requested process in this one, whose streams are set up, and exit with its status."""
     signal.set_wakeup_fd(-1)
     for number in (signal.SIGCHLD, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:
@@ -247,10 +248,10 @@ def become(asked: dict[str, Any]) -> NoReturn:
 
 
 def _execute_or_become(program: Any, words: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
-    """Replace this process; by one of the project without starting Python again."""
+    """Replace this process, as ``os.execve``; for one of the project, without restarting Python."""
     words, folders = list(words), set(environment.get("PYTHONPATH", "").split(os.pathsep))
     ours = words[:3] == [sys.executable, "-P", "-m"] and is_forkable(words[3]) and folders == {str(ROOT)}
-    # A verb that starts processes is copied at its begin, which is for a process without threads.
+    # A command that starts processes is copied at its start, which requires a process without threads.
     forks = words[3:4] == ["deploy"] and len(os.listdir("/proc/self/task")) > 1
     if ours and not forks and fixes_same_hashes(environment):
         become({"arguments": words[3:], "cwd": os.getcwd(), "env": dict(environment), "new_session": False})
@@ -258,7 +259,7 @@ def _execute_or_become(program: Any, words: Sequence[str], environment: Mapping[
 
 
 def _take_terminal(path: str) -> None:
-    """Read and write a terminal; the first that the leader of a session opens becomes that session's."""
+    """Make a terminal the standard streams; the first that a session leader opens becomes its controlling terminal."""
     descriptor = os.open(path, os.O_RDWR)
     for each in STREAMS:
         os.dup2(descriptor, each)

@@ -1,4 +1,4 @@
-"""The health of a node, as its loop tells it to who asks: the next heartbeat says the same up to a second later."""
+"""Asks a node's loop for its health; the next heartbeat would report the same up to a second later."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from services.runtime.transport.api import Reply, Transport
 from tests.harness.waiting import wait_until
 
 _WITHIN_S = 20.0
-"""Wall time that a node has to be there and to answer, on a busy machine."""
+"""Wall time for a node to appear and to answer, on a busy machine."""
 _read_health = decoder(Health)
 
 
 def ask_health(transport: Transport, node: str) -> Health:
-    """The health of the one node of a name, once that is there."""
+    """Wait for the one node with this name and return its health."""
 
     def answers() -> list[Reply]:
         sessions = {each.session for each in map(Entity.parse, transport.tokens(token_pattern("node", node))) if each}

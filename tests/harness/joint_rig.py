@@ -1,4 +1,4 @@
-"""An arm of two links in PyBullet, its motors, and the topic that commands them, in one process on simulated time."""
+"""A two-link arm in the physics engine, its motors and their command topic, in one process on simulated time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ JOINTS = parse_urdf(URDF.read_text()).joints
 
 
 class JointRig:
-    """The arm ``arm`` with its base held; ``now`` is simulation time in ns."""
+    """The robot ``arm`` with a fixed base; ``now`` is simulation time [ns]."""
 
     def __init__(self, world: World, motors: tuple[Motor, ...] = ()) -> None:
         self.world, self.now = world, 0
@@ -39,7 +39,7 @@ class JointRig:
         self.publisher = Publisher(JOINT_COMMAND, "/arm/joint_command", "arm/joint_command", "/manager", transport)
 
     def command(self, interface: JointInterface, duration: float = 0.1, rate: float = 0.0, **values: float) -> None:
-        """Send one command for joints, and let the simulation take it."""
+        """Publish one command for joints and apply it at once."""
         targets = tuple(
             JointTarget(joint_name=joint, interface=interface, value=value, rate=rate)
             for joint, value in values.items()
@@ -53,23 +53,23 @@ class JointRig:
         self.motors.apply_commands(self.topic, self.now, set(), 0.0)
 
     def step(self, seconds: float = 0.0) -> None:
-        """Let time go on, by one physics step at least."""
+        """Advance the simulation by ``seconds``, at least one physics step."""
         for _ in range(max(1, round(seconds * 1e9 / STEP_NS))):
             self.motors.step(self.now)
             self.world.step()
             self.now += STEP_NS
 
     def position(self, joint: str) -> float:
-        """Where a joint is, rad or m."""
+        """Return a joint's position [rad or m]."""
         return dict(zip(self.body.joints, self.body.joint_readings().position, strict=True))[joint]
 
     def velocity(self, joint: str) -> float:
-        """How fast a joint moves, rad/s or m/s."""
+        """Return a joint's velocity [rad/s or m/s]."""
         return dict(zip(self.body.joints, self.body.joint_readings().velocity, strict=True))[joint]
 
 
 @contextmanager
 def joint_rig(*motors: Motor) -> Iterator[JointRig]:
-    """The arm in a world of its own; ``motors`` are those of a base."""
+    """Yield the arm in a world of its own; ``motors`` are those of a mobile base."""
     with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
         yield JointRig(world, motors)

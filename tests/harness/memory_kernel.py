@@ -1,4 +1,4 @@
-"""Test a client library without a process: a kernel on a network in memory."""
+"""A kernel on an in-memory network, to test a client library without a process."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from services.script.kernel import KernelOptions, ScriptKernel
 def memory_kernel(
     bus: MemoryBus | None = None, simulated: bool = False, install: bool = True
 ) -> Iterator[ScriptKernel]:
-    """A kernel in real time on a network in memory, which ``process.kernel()`` returns meanwhile.
+    """Yield a kernel on an in-memory network, which ``process.kernel()`` returns during the block.
 
     Args:
-        bus: the network, to connect several kernels; one of its own by default.
-        simulated: whether time is that of ``kernel.clock.set``; wall time by default.
+        bus: network that several kernels share; a new one by default.
+        simulated: use the time given to ``kernel.clock.set``; wall time by default.
         install: whether ``process.kernel()`` returns it.
     """
     shared = bus or MemoryBus()

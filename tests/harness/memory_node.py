@@ -1,4 +1,4 @@
-"""Nodes on the in-memory transport, their loop in a thread, and a simulation clock that the test sets."""
+"""Nodes on the in-memory transport, their loop in a thread, and a simulation clock set by the test."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from services.runtime.transport.wire import encoding, pack_attachment
 
 
 def memory_node(bus: MemoryBus, name: str, namespace: str = "/", transport: Transport | None = None) -> Node:
-    """A node, not yet entered; its log goes nowhere."""
+    """Return a node, not yet entered, whose log is discarded."""
     identity = Identity.of(name, namespace)
     return Node(transport or MemoryTransport(bus), identity, name, Log(identity.node, out=io.StringIO()))
 
 
 class ManualClock:
-    """Publishes ``/clock`` when told."""
+    """Publishes ``/clock`` on request."""
 
     def __init__(self, bus: MemoryBus, publisher: bytes = b"c" * 16) -> None:
         self._publisher = publisher
@@ -36,7 +36,7 @@ class ManualClock:
         self._sent = 0
 
     def publish(self, ns: int, epoch: int = 0, paused: bool = False) -> None:
-        """Simulation time is ``ns``."""
+        """Publish the simulation time ``ns``."""
         self._sent += 1
         clock = Clock(clock=Time.of(ns), epoch=epoch, paused=paused)
         self._outlet.put(encode(clock), attachment=pack_attachment(self._sent, self._publisher))
@@ -44,7 +44,7 @@ class ManualClock:
 
 @contextmanager
 def spinning(made: Node) -> Iterator[None]:
-    """The node's loop in a thread, doing nothing but what every loop does."""
+    """Run a bare loop of the node in a thread during the block."""
     inlet = made.transport.subscribe("rest", 8)
 
     def loop() -> None:

@@ -1,4 +1,4 @@
-"""A test's view of a topic: every message since it subscribed."""
+"""Records every message of a topic since the subscription."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from tests.harness.waiting import wait_until
 M = TypeVar("M", bound=Message)
 
 WITHIN_S = 20.0
-"""Wall time for what takes a moment, on a machine that is busy."""
+"""Wall time limit for what takes a moment on an idle machine."""
 
 
 class MessageRecorder(Generic[M]):
-    """The messages of an input, oldest first."""
+    """All messages of a subscriber, oldest first."""
 
     def __init__(self, source: Subscriber[M]) -> None:
         self.source = source
         self._seen: list[M] = []
 
     def received(self) -> list[M]:
-        """All so far."""
+        """Return all messages so far."""
         self.source.update()
         self._seen += [message for message, _ in self.source.messages]
         return self._seen
 
     def wait_next(self, what: str = "") -> M:
-        """One that arrives after this call."""
+        """Wait for a message that arrives after this call and return it."""
         count = len(self.received())
         wait_until(lambda: len(self.received()) > count, WITHIN_S, what or f"another message on {self.source.name}")
         return self._seen[-1]
 
 
 class GroundTruthRecorder(MessageRecorder[Odometry]):
-    """A robot's ground truth; times in s of simulation time."""
+    """Records a robot's ground truth; times are simulation time [s]."""
 
     def __init__(self, node: Node, robot: str) -> None:
         super().__init__(node.subscribe(GROUND_TRUTH, f"/{robot}/ground_truth"))
 
     def wait_until_time(self, seconds: float) -> Odometry:
-        """The newest sample, once there is one at or after ``seconds``."""
+        """Wait for a sample at or after ``seconds`` and return the newest."""
         wait_until(
             lambda: self.received() and time_of(self.received()[-1]) >= seconds,
             WITHIN_S,
@@ -54,21 +54,21 @@ class GroundTruthRecorder(MessageRecorder[Odometry]):
         return self.received()[-1]
 
     def wait_after(self, seconds: float) -> Odometry:
-        """A sample that is so much younger than the newest one now."""
+        """Wait for a sample at least ``seconds`` after the next one and return it."""
         return self.wait_until_time(time_of(self.wait_next()) + seconds)
 
 
 def time_of(sample: Odometry) -> float:
-    """Simulation time of a sample, s."""
+    """Return the simulation time of a sample [s]."""
     return sample.header.stamp.ns / 1e9
 
 
 def distance(one: Odometry, other: Odometry) -> float:
-    """Distance between two places, m."""
+    """Return the distance in the x-y plane between two samples [m]."""
     a, b = one.pose.pose.position, other.pose.pose.position
     return hypot(a.x - b.x, a.y - b.y)
 
 
 def speed(sample: Odometry) -> float:
-    """Speed ahead, m/s."""
+    """Return the forward speed of a sample [m/s]."""
     return sample.twist.twist.linear.x

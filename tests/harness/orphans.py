@@ -1,7 +1,7 @@
-"""Kills what a test run has started and left behind, however the run ends: it outlives the run by a moment.
+"""Kills the processes that a test run leaves behind, however the run ends: it briefly outlives the run.
 
-Fleets in the background belong to no parent, and a run that is killed tears nothing down. All that tests start inherits
-their environment, and in it the mark of the run. Run as a script: it must start fast and needs nothing of the project.
+Background fleets have no parent, and a killed run tears nothing down. All processes that tests start inherit their
+environment, and with it the mark of the run. Run as a script: it must start fast and imports nothing of the project.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 MARK = "ELEA_TEST_RUN"
-"""Environment variable that holds the mark."""
+"""Environment variable with the mark of the test run."""
 
 _ROUNDS, _PAUSE_S = 50, 0.1
-"""A process that is being started is seen in the next round."""
+"""Several rounds, because a process that is just being started is found only in the next one."""
 
 
 @contextmanager
 def no_orphans() -> Iterator[None]:
-    """Whatever is started in the block, and by it, is gone soon after its end, and after that of this process."""
+    """Kill all that is started in the block, directly or indirectly, soon after the block or this process ends."""
     mark = uuid.uuid4().hex
     command = [sys.executable, "-I", "-S", __file__, mark]
     with subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True) as killer:
@@ -42,9 +42,9 @@ def no_orphans() -> Iterator[None]:
 
 
 def _marked(mark: str) -> Iterator[int]:
-    """The processes with this mark; a zombie has none."""
+    """Yield the ids of processes with this mark; zombies have none."""
     for each in Path("/proc").iterdir():
-        with suppress(OSError):  # it has ended, or is another user's
+        with suppress(OSError):  # ended, or another user's
             if each.name.isdigit() and mark.encode() in (each / "environ").read_bytes().split(b"\0"):
                 yield int(each.name)
 

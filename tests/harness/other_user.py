@@ -1,4 +1,4 @@
-"""A program of another user of the machine: it tries to listen to a robot, and to drive it, with Zenoh alone."""
+"""A program run as another user of the machine, which tries to subscribe to a robot and drive it with plain Zenoh."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 NOBODY = 65534
 
-# It loads all that it needs before it becomes the other one: who may not read this user's Python could not later.
+# Imports come before the change of user: the other user may not be allowed to read this user's Python.
 PROGRAM = """
 import json, logging, os, queue, socket, sys, threading, time
 import msgpack, zenoh
@@ -41,7 +41,7 @@ while True:
 
 @contextmanager
 def run_as_other_user(connect: str, paths: Sequence[str] = ()) -> Iterator[subprocess.Popen[str]]:
-    """The program; it first tries to connect to the sockets at ``paths``. Only root can start it, as CI does."""
+    """Run the program; it first tries to connect to the sockets at ``paths``. Needs root, as in CI."""
     command = [sys.executable, "-I", "-c", PROGRAM, connect, json.dumps(list(paths)), str(NOBODY)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
         try:

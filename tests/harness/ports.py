@@ -6,11 +6,11 @@ import random
 import socket
 
 _RANGE = range(10_000, 30_000)
-"""Below those that Linux gives to whoever asks for any: between choice and use, no link of another test takes one."""
+"""Below Linux's ephemeral ports, so that between choice and use no connection of another test gets one."""
 
 
 def free_port() -> int:
-    """A TCP port that is free, drawn anew at each call: other tests may run at the same time."""
+    """Return a free TCP port, chosen at random since other tests may run at the same time."""
     dice = random.SystemRandom()
     while True:
         port = dice.choice(_RANGE)

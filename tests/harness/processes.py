@@ -1,4 +1,4 @@
-"""Real processes for tests: each is started with its log in a file, and ended by the test that started it."""
+"""Real processes for tests: each logs to a file and is ended by the test that started it."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from tests.harness.ports import free_port
 from tests.harness.waiting import wait_until
 
 STOP_S = 10.0
-"""Wall time that a process has to end by SIGINT before it is killed."""
+"""Wall time for a process to end on SIGINT before it is killed."""
 ROUTER_S = 30.0
-"""Wall time that a router has to start, on a machine that is busy."""
+"""Wall time for a router to start on a busy machine."""
 
 
 class Process:
-    """A running program of the project's Python; output and errors go to ``log``. It dies with the test.
+    """A running program under the project's Python, with output and errors in ``log``. It dies with the test process.
 
-    ``through`` are the words of a program that becomes this one, as ``ip netns exec NAME``.
+    ``through`` is a command prefix that executes it, for example ``ip netns exec NAME``.
 
-    As a context manager it is stopped at the end. ``wait`` and ``stop`` return the exit status, -N for signal N.
+    ``with`` stops it at the end. ``wait``, ``stop`` and ``kill`` return the exit status, -N for signal N.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Process:
 
     @property
     def text(self) -> str:
-        """What it has written so far."""
+        """Its output so far."""
         return self.log.read_text(errors="replace")
 
     @property
@@ -79,18 +79,18 @@ class Process:
         return self._child.poll()
 
     def signal(self, number: signal.Signals) -> None:
-        """Send a signal, SIGSTOP for one; nothing happens when it has ended."""
+        """Send a signal; no effect after its end."""
         self._child.send_signal(number)
 
     def wait(self, within: float = STOP_S) -> int:
-        """Block until it ends by itself; fails after ``within`` [s]."""
+        """Wait until it ends by itself; fail after ``within`` [s]."""
         try:
             return self._child.wait(within)
         except subprocess.TimeoutExpired:
             raise AssertionError(f"process {self.pid} still runs after {within} s:\n{self.text}") from None
 
     def stop(self) -> int:
-        """End it by SIGINT, and by SIGKILL if it does not go within STOP_S."""
+        """End it with SIGINT, or with SIGKILL after STOP_S; resume it first if it is stopped."""
         self.signal(signal.SIGCONT)
         self.signal(signal.SIGINT)
         try:
@@ -99,18 +99,18 @@ class Process:
             return self.kill()
 
     def kill(self) -> int:
-        """End it by SIGKILL."""
+        """End it with SIGKILL."""
         self._child.kill()
         return self._child.wait(STOP_S)
 
 
 def start_service(name: str, *arguments: str, logs: Path, env: Mapping[str, str] | None = None) -> Process:
-    """``python -P -m services NAME`` with ``arguments``, its log in the folder ``logs``."""
+    """Start ``python -P -m services NAME ARGUMENTS`` with its log in the folder ``logs``."""
     return Process(["-m", "services", name, *arguments], _unused(logs, name), env)
 
 
 class Network:
-    """A router on a port of its own, and the processes started on it; ``with`` ends them all."""
+    """A router on a port of its own and the processes started on it; ``with`` ends them all."""
 
     def __init__(self, logs: Path) -> None:
         self.port = free_port()
@@ -122,7 +122,7 @@ class Network:
         self.router = start_service("router", "--param", f"listen={self.endpoint}", logs=self._logs)
         self._stack.enter_context(self.router)
         wait_until(self._listens, ROUTER_S, f"a router on {self.endpoint}")
-        # It tells newcomers who is there only once it says so; without that each would look around for a while.
+        # The router lists the nodes for new ones only after it logs this; earlier ones would spend time scouting.
         wait_until(lambda: "listening on" in self.router.text, ROUTER_S, "a router that answers")
         return self
 
@@ -130,18 +130,18 @@ class Network:
         self._stack.close()
 
     def start(self, name: str, *arguments: str, env: Mapping[str, str] | None = None) -> Process:
-        """A service of the project that joins this network."""
+        """Start a service of the project on this network."""
         process = start_service(name, "--connect", self.endpoint, *arguments, logs=self._logs, env=env)
         return self._stack.enter_context(process)
 
     def run(self, file: Path, *arguments: str) -> Process:
-        """A Python file with a service of its own that joins this network, as ``./elea run FILE`` does it."""
+        """Run a user's Python file on this network, as ``./elea run FILE`` does."""
         command = ["-m", "deploy", "run", str(file), "--connect", self.endpoint, *arguments]
         return self._stack.enter_context(Process(command, _unused(self._logs, file.stem)))
 
     @contextmanager
     def node(self, name: str = "tester", domain: str = "") -> Iterator[Node]:
-        """A node in the test itself; ``node.read(TOPIC, "/name")`` gives an input to ``admit`` and look at."""
+        """Run a node in the test process; ``node.subscribe(TOPIC, "/name")`` returns a Subscriber to read."""
         identity = Identity.of(name)
         with (
             ZenohTransport(configuration("direct", (self.endpoint,), domain=domain)) as transport,
@@ -159,5 +159,5 @@ class Network:
 
 
 def _unused(logs: Path, name: str) -> Path:
-    """A log of its own for each life: ``NAME-0.log``, ``NAME-1.log``, …"""
+    """Return a log file not used yet: ``NAME-0.log``, ``NAME-1.log``, …"""
     return logs / f"{name}-{len(list(logs.glob(f'{name}-*.log')))}.log"

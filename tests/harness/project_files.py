@@ -1,4 +1,4 @@
-"""The project's own files, as a clone has them: without environments, caches and results."""
+"""Lists the project's files as in a fresh clone: without environments, caches and results."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _IGNORED = [line.rstrip("/") for line in (ROOT / ".gitignore").read_text().split
 
 
 def project_files(*suffixes: str, under: Path = ROOT) -> Iterator[Path]:
-    """Every file, or those with one of these suffixes, that .gitignore does not name."""
+    """Yield every file not ignored by .gitignore, or those with one of these suffixes."""
     for folder, folders, names in os.walk(under):
         folders[:] = sorted(each for each in folders if not _ignored(Path(folder), each))
         for name in sorted(names):
@@ -23,5 +23,5 @@ def project_files(*suffixes: str, under: Path = ROOT) -> Iterator[Path]:
 
 
 def _ignored(folder: Path, name: str) -> bool:
-    """A pattern that begins with a slash counts in the project's folder alone."""
+    """Whether .gitignore ignores it; a pattern with a leading slash applies only in the project's folder."""
     return any(fnmatch(name, each.removeprefix("/")) for each in _IGNORED if folder == ROOT or not each.startswith("/"))

@@ -1,7 +1,7 @@
-"""What was seen of one robot, on two clocks: simulation time, and the machine's clock at which each sample was sent.
+"""Records one robot's motion and commands in simulation time and in the machine's time at which each was sent.
 
-Senders and observer are on one machine, so sending times tell cause from effect whatever the network's delay: a motion
-that was reported before a command was sent is none of its doing.
+Publishers and observer share one machine, so sending times order cause and effect whatever the network's delay: a
+motion published before a command was sent cannot be caused by it.
 """
 
 from __future__ import annotations
@@ -24,19 +24,20 @@ assert BURGER.wheels is not None
 WHEELS: WheelConfig = BURGER.wheels
 FULL_SPEED = 0.95 * WHEELS.max_linear
 STANDSTILL_SPEED = 0.002
-"""m/s; below this a robot stands."""
+"""Below this speed [m/s] a robot counts as stopped."""
 PERIOD_S = 1 / BURGER.odometry_rate
 """Simulation time between two samples of ground truth."""
 
 TIMEOUT_S = BaseParameters().cmd_vel_timeout
 BRAKING_S = WHEELS.max_linear / WHEELS.brake
 LATEST_STOP_S = TIMEOUT_S + BRAKING_S + 2 * PERIOD_S + MAX_LAG_S
-"""Simulation time from the last command to a robot that stands: both ends lie between two samples, and the simulation
-may just then make up for what it lagged behind the wall clock."""
+"""Longest simulation time [s] from the last command to standstill: each end is known only to one sample period, and the
+simulation may be catching up with the wall clock by up to MAX_LAG_S.
+"""
 
 
 class TruthSample(NamedTuple):
-    """A sample of ground truth: simulation time [ns], when it was sent [ns], speed [m/s], position [m]."""
+    """A sample of ground truth: simulation time [ns], sending time [ns], fastest wheel's speed [m/s], position [m]."""
 
     time: int
     sent: int
@@ -46,7 +47,7 @@ class TruthSample(NamedTuple):
 
 
 class CommandSample(NamedTuple):
-    """A command as observed: when it was sent [ns], whether it is to move, whether none before it was missed."""
+    """A received command: sending time [ns], whether it commands a motion, whether none before it was missed."""
 
     sent: int
     moves: bool
@@ -54,7 +55,7 @@ class CommandSample(NamedTuple):
 
 
 class RobotRecorder:
-    """The samples of one robot, and what they say."""
+    """Records and evaluates the samples of one robot."""
 
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
@@ -76,42 +77,42 @@ class RobotRecorder:
 
     @property
     def speed(self) -> float:
-        """The newest speed [m/s]; 0 before the first sample."""
+        """The latest speed [m/s]; 0 before the first sample."""
         return self.samples[-1].speed if self.samples else 0.0
 
     @property
     def base(self) -> BaseStatus:
-        """The newest state of the base."""
+        """The latest base status."""
         return self.statuses[-1][1] if self.statuses else BaseStatus()
 
     def first_stop_after(self, instant: int) -> TruthSample | None:
-        """The first sight of the robot standing after an instant [ns of the machine's clock]."""
+        """Return the first sample of the robot standing still after an instant [ns, machine's clock]."""
         return next((each for each in self.samples if each.sent > instant and each.speed < STANDSTILL_SPEED), None)
 
     def sim_time_at(self, instant: int) -> int:
-        """The last simulation time [ns] that was told before an instant."""
+        """Return the last simulation time [ns] published up to an instant."""
         return max(each.time for each in self.samples if each.sent <= instant)
 
     def seconds_to_stop(self, instant: int) -> float:
-        """Simulation time [s] from an instant until the robot stood."""
+        """Return the simulation time [s] from an instant until the robot stood still."""
         stood = self.first_stop_after(instant)
         assert stood is not None, f"{self.name} did not stop"
         return (stood.time - self.sim_time_at(instant)) / 1e9
 
     @property
     def command_instants(self) -> list[int]:
-        """When each command to move was sent."""
+        """Sending times [ns] of the commands to move."""
         return [each.sent for each in self.command_samples if each.moves]
 
     def first_command_after(self, instant: int) -> int | None:
-        """When the first command to move after an instant was sent."""
+        """Return the sending time [ns] of the first command to move after an instant, None without one."""
         return next((each for each in self.command_instants if each > instant), None)
 
     def uncommanded_motion(self, instant: int, able: int) -> list[TruthSample]:
-        """Sights of a motion between the stop after an instant and the first fresh command after that stop.
+        """Return the samples in motion between the stop after an instant and the first new command after that stop.
 
-        A commander that joins anew may reach the robot before it reaches the observer. Where a command was missed so,
-        ``able`` [ns] counts: before that there was none who could command.
+        A controller that rejoins may reach the robot before it reaches the observer. If a command was missed that way,
+        ``able`` [ns] counts instead: before it no controller could send a command.
         """
         stood = self.first_stop_after(instant)
         assert stood is not None, f"{self.name} did not stop"

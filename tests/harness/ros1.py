@@ -1,4 +1,4 @@
-"""Import the ROS 1 libraries in a test, without leaving them behind."""
+"""Imports the ROS 1 libraries in a test and unloads them afterwards."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tests.harness.memory_kernel import memory_kernel
 
 @contextmanager
 def ros1_imports(simulated: bool = False) -> Iterator[ScriptKernel]:
-    """Let ``import rospy`` and its like find Elea's, on a kernel in memory; afterwards they are gone."""
+    """Make ``import rospy`` and other ROS 1 imports find Elea's libraries, on an in-memory kernel, during the block."""
     known, path, finders = set(sys.modules), list(sys.path), list(sys.meta_path)
     handlers = list(logging.getLogger("rosout").handlers)
     sys.path.insert(0, str(SITE_PACKAGES))
-    catalogue.cache_clear()  # what another test added
+    catalogue.cache_clear()  # interfaces that another test added
     install(catalogue(), lambda name: None)
     try:
         with memory_kernel(simulated=simulated) as kernel:

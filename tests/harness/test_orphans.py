@@ -1,4 +1,4 @@
-"""Processes left behind by a killed test run are killed, including those without a parent."""
+"""The processes that a killed test run leaves behind are killed, including those without a parent."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ with no_orphans():
 
 def test_an_orphan_dies_with_the_run_that_is_killed() -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    # Not its output to the end: the orphan holds that open.
+    # Don't read its output to the end: the orphan holds that open.
     with subprocess.Popen([sys.executable, "-c", RUN], env=environment, stdout=subprocess.PIPE, text=True) as run:
         assert run.stdout is not None
         orphan = int(run.stdout.readline())

@@ -1,4 +1,4 @@
-"""Waits for other processes and threads until a condition holds, never for a fixed time."""
+"""Waits until a condition holds in another process or thread, never for a fixed time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 def wait_until(probe: Callable[[], T], within: float = 10.0, what: str = "", every: float = 0.005) -> T:
-    """The first true value of ``probe``, asked ``every`` so many seconds; fails after ``within`` [s]."""
+    """Poll ``probe`` each ``every`` [s] and return its first true value; fail after ``within`` [s]."""
     deadline = time.monotonic() + within
     while not (value := probe()):
         if time.monotonic() > deadline:

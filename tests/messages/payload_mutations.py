@@ -1,4 +1,4 @@
-"""One payload of each record with every part filled, and every spot in it where something wrong can be put."""
+"""A fully filled payload of each record, and every place in it where a wrong value can be put."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ from tests.messages.strategies import bare, struct
 
 
 class MutationPoint(NamedTuple):
-    """A place in a payload: its path as errors write it, its type, and the payload with another value there."""
+    """A place in a payload: its path as in errors, its type, and a function that puts another value there."""
 
     path: str
     kind: kinds.Type
@@ -19,7 +19,7 @@ class MutationPoint(NamedTuple):
 
 
 def filled_payload(kind: kinds.Type) -> Any:
-    """A legal plain value in which no list is empty, so that every field is there."""
+    """Return a valid plain value without empty lists, so that every field occurs."""
     match bare(kind):
         case kinds.StructType(fields=fields):
             return {field.encode_name: filled_payload(field.type) for field in fields}
@@ -50,7 +50,7 @@ def filled_payload(kind: kinds.Type) -> Any:
 
 
 def mutation_points(record: type[Message]) -> list[MutationPoint]:
-    """All places in the filled payload of a record, the payload itself first."""
+    """Return all places in a record's filled payload, the payload itself first."""
     kind = struct(record)
     return list(_mutation_points(kind, filled_payload(kind), "$", lambda value: value))
 
@@ -62,7 +62,7 @@ def _mutation_points(kind: kinds.Type, value: Any, path: str, put: Callable[[Any
 
 
 def _nested_points(kind: kinds.Type, value: Any, path: str, put: Callable[[Any], Any]) -> Iterator[MutationPoint]:
-    """The spots below a place; those of a union are the ones below each of its types."""
+    """Yield the places below one; for a union, those below each of its types."""
     if isinstance(kind, kinds.StructType):
         for field in kind.fields:
             name = field.encode_name

@@ -1,4 +1,4 @@
-"""What a reader of a bag must see of a message, and what of it is left after float32 has rounded it."""
+"""A message as a bag reader must see it, and as rounded to float32."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ ANYTHING = {
 
 
 def ros_view(message: Message) -> dict[str, Any]:
-    """The message as its ROS type shows it: names, plain values, float32 where ROS has one, zero where we have none."""
+    """Return a message as its ROS type: names, plain values, float32 as in ROS, zero for missing fields."""
     types = definitions(type(message))
     return _record(message, type(message).ROS_TYPE, types)
 
 
 def assert_same(wanted: Any, found: Any, path: str = "") -> None:
-    """Compare what ``ros_view`` gave with what another library read, field by field."""
+    """Assert, field by field, that the result of ``ros_view`` equals what another library read."""
     if isinstance(wanted, dict):
         for name, value in wanted.items():
             assert_same(value, getattr(found, name), f"{path}.{name}")
@@ -43,7 +43,7 @@ def assert_same(wanted: Any, found: Any, path: str = "") -> None:
 
 
 def with_float32(message: Any) -> Any:
-    """The message with the numbers that ROS keeps as float32 rounded to it."""
+    """Return the message with ROS's float32 fields rounded."""
     if not isinstance(message, Message):
         return message
     types = definitions(type(message))[type(message).ROS_TYPE] if type(message).ROS_TYPE in RECORDS else ()
@@ -56,7 +56,7 @@ def with_float32(message: Any) -> Any:
         elif isinstance(value, Message):
             value = with_float32(value)
         elif field.name == "packed":
-            value = pack36(unpack36(value))  # as we send it, however it came
+            value = pack36(unpack36(value))  # as we publish it
         elif isinstance(value, tuple):
             value = tuple(with_float32(each) for each in value)
         changes[field.name] = value

@@ -17,14 +17,14 @@ from messages.sensor import ChannelFloat32, Image, JointState, LaserScan, PointC
 DETERMINISTIC = settings(
     max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow], database=None
 )
-"""The same examples in every run, however busy the machine is."""
+"""The same examples in every run, regardless of the machine's load."""
 FEW = settings(DETERMINISTIC, max_examples=12)
-"""For each of two hundred records: most of their fields are of the same few types."""
+"""Settings for tests of each of 200 records, most of whose fields have the same few types."""
 
 
 @cache
 def values(record: type[Message]) -> st.SearchStrategy[Any]:
-    """All legal values of a record."""
+    """Return a strategy for all valid values of a record."""
     fields = {field.name: of_kind(field.type) for field in struct(record).fields}
     if record in _DEPENDENT_FIELDS:
         return _DEPENDENT_FIELDS[record](fields)
@@ -33,19 +33,19 @@ def values(record: type[Message]) -> st.SearchStrategy[Any]:
 
 @cache
 def struct(record: type[Message]) -> kinds.StructType:
-    """What msgspec read from the annotations of a record."""
+    """Return msgspec's type information of a record."""
     found = kinds.type_info(record)
     assert isinstance(found, kinds.StructType)
     return found
 
 
 def bare(kind: kinds.Type) -> kinds.Type:
-    """A field type without its unit and description."""
+    """Return a field type without its unit and description."""
     return bare(kind.type) if isinstance(kind, kinds.Metadata) else kind
 
 
 def of_kind(kind: kinds.Type) -> st.SearchStrategy[Any]:
-    """All legal values of one field type, within its bounds."""
+    """Return a strategy for all valid values of a field type, within its bounds."""
     match bare(kind):
         case kinds.StructType(cls=cls) if issubclass(cls, Message):
             return values(cls)
@@ -79,7 +79,7 @@ def of_kind(kind: kinds.Type) -> st.SearchStrategy[Any]:
 
 
 def plain(value: Any) -> Any:
-    """What any MessagePack library must see of a value: maps, lists, and numpy arrays."""
+    """Convert a value to what any MessagePack library must decode: maps, lists and numpy arrays."""
     if isinstance(value, Message):
         names = zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True)
         return {wire: plain(getattr(value, name)) for name, wire in names}
@@ -91,19 +91,19 @@ def plain(value: Any) -> Any:
 
 
 def unpack(payload: bytes) -> Any:
-    """Decode with the independent library."""
+    """Decode a payload with the independent library."""
     return msgpack.unpackb(payload, ext_hook=read_array)
 
 
 def read_array(code: int, data: bytes) -> Any:
-    """What a foreign program must write for extension 1."""
+    """Decode extension 1 as a foreign program must."""
     assert code == 1
     dtype, shape, raw = msgpack.unpackb(data)
     return np.frombuffer(raw, dtype).reshape(shape)
 
 
 def write_array(array: Any) -> msgpack.ExtType:
-    """The other way round."""
+    """Encode an array as extension 1."""
     return msgpack.ExtType(1, msgpack.packb([array.dtype.str, array.shape, array.tobytes()]))
 
 
@@ -163,4 +163,4 @@ def _clouds(fields: dict[str, Any]) -> st.SearchStrategy[Any]:
 
 
 _DEPENDENT_FIELDS = {Twist: _twists, JointState: _joint_states, LaserScan: _scans, Image: _images, PointCloud: _clouds}
-"""Records whose fields bound each other."""
+"""Strategies for records whose fields depend on each other."""

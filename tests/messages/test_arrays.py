@@ -145,7 +145,7 @@ def test_an_array_is_a_sequence() -> None:
 
 
 def test_one_sound_array_vouches_for_no_other() -> None:
-    """What was read before is known by its first bytes: another size, type, shape or code is looked at anew."""
+    """Validated arrays are recognised by their first bytes; another size, type, shape or code is validated again."""
     sound = extension("<f4", [2], RAW)
     for _ in range(3):
         assert decode(sound).ranges == [0.0, 0.0]

@@ -1,4 +1,4 @@
-"""Every record as CDR: two independent readers find the same values, field by field, and ours gives the record back."""
+"""Every record as CDR: two independent readers get the same values, field by field, and ours restores the record."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ RECORDED = sorted(
 
 
 def independent(record: type[Message]) -> tuple[Any, str, Any]:
-    """The readers of rosbags and mcap-ros2-support for a record, from the schema that we write."""
+    """Return the readers of rosbags and mcap-ros2-support for a record, from the schema that we write."""
     name = long_type_name(record.ROS_TYPE)
     text = text_of(record.ROS_TYPE, definitions(record))
     store = get_typestore(Stores.EMPTY)
@@ -89,7 +89,7 @@ def _check_readers(record: type[Message]) -> None:
 
 
 def _fits_int64(value: object) -> bool:
-    """Whether no whole number in it is larger: MessagePack takes twice as large ones, ROS 2 has no place for them."""
+    """Whether all integers fit int64: MessagePack allows uint64, ROS 2's fields don't."""
     if isinstance(value, Message):
         return all(_fits_int64(getattr(value, name)) for name in value.__struct_fields__)
     if isinstance(value, tuple):
@@ -117,7 +117,7 @@ def test_a_parameter_of_any_type_is_kept_as_json(value: Value) -> None:
 
 
 def test_fields_are_matched_by_name_with_the_types_of_another_version() -> None:
-    """A bag of an older or newer version, or of a program that orders its fields otherwise, is read by its own text."""
+    """A bag of another version, or with another order of fields, is read with its own schema."""
     types = parse(
         "geometry_msgs/msg/Twist",
         "float32 novel\nVector3 linear # m/s\nuint8 FAST=1\nstring<=5 note 'none'\n===\n"
@@ -161,7 +161,7 @@ WANTED = {
 
 
 def test_every_encapsulation_is_read_or_refused() -> None:
-    """CDR of both orders as rosbags writes it; XCDR2 put together by the rules of DDS-XTypes 1.3, 7.4.3."""
+    """CDR of both byte orders as written by rosbags; XCDR2 assembled by the rules of DDS-XTypes 1.3, 7.4.3."""
     read = plain_reader("probe_msgs/Probe", parse("probe_msgs/Probe", PROBE))
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(PROBE, "probe_msgs/msg/Probe"))
@@ -208,7 +208,7 @@ def test_every_encapsulation_is_read_or_refused() -> None:
 
 
 class Holder(Message, frozen=True, kw_only=True):
-    """A record that holds one without fields."""
+    """A record with a member that has no fields."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Holder"
     before: float = 0.0
@@ -230,7 +230,7 @@ def test_a_record_without_fields_takes_a_byte_wherever_it_stands() -> None:
 
 
 def test_few_bytes_never_become_many_values() -> None:
-    """Extents are bounded by the smallest message, and what is counted by the bytes that are left."""
+    """Fixed sizes are limited by the smallest message, and counted ones by the remaining bytes."""
     deep = "===\n".join(["", *(f"MSG: x/T{n}\nT{n + 1}[9] a\nT{n + 1}[9] b\n" for n in range(1, 12)), "MSG: x/T12\n"])
     for text, reason in (
         ("Nil[9999999999] x\n===\nMSG: x/Nil\n", "the smallest x/T has 9999999999 bytes, the limit is 67108864"),

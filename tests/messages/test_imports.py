@@ -1,4 +1,4 @@
-"""The vocabulary loads nothing heavy: it serves --help, the graph and programs of others."""
+"""``messages`` imports nothing heavy, since --help, the graph and foreign programs use it."""
 
 import subprocess
 import sys

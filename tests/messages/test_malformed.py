@@ -1,4 +1,4 @@
-"""Whatever is wrong with a payload, it is refused as a whole, with the path of what is wrong."""
+"""A malformed payload is rejected as a whole, with the path of the fault."""
 
 import math
 import re
@@ -22,7 +22,7 @@ TRUNCATED = (
     "elea_msgs/Parameter",
     "tf2_msgs/TFMessage",
 )
-"""Records that hold every kind of field between them: numbers, texts, arrays, lists, maps, a value of any type."""
+"""Records that together have every kind of field: numbers, texts, arrays, lists, maps, a value of any type."""
 EXT = msgpack.ExtType(7, b"x")
 WRONG: dict[type[kinds.Type], tuple[Any, ...]] = {
     kinds.FloatType: ("x", b"x", True, None, [], {}, EXT),
@@ -46,13 +46,13 @@ def refusal(kind: type[Message], payload: bytes) -> str:
 
 
 def at(path: str) -> str:
-    """How an error names a path; the payload as a whole goes without."""
+    """Return the suffix by which an error names a path; none for the payload as a whole."""
     return "" if path == "$" else f" - at `{path}`"
 
 
 def whole(kind: type[Message]) -> bytes:
     payload: bytes = msgpack.packb(filled_payload(struct(kind)))
-    decoder(kind)(payload)  # what follows is about the fault put into it, not about this payload
+    decoder(kind)(payload)  # the payload itself is valid
     return payload
 
 
@@ -82,7 +82,7 @@ def test_a_wrong_type_is_refused_at_every_spot() -> None:
 
 
 def _wrong(kind: kinds.Type) -> list[Any]:
-    """Values of other types; those of a union are what all of its types refuse."""
+    """Return values of wrong types; for a union, those that all of its types reject."""
     if isinstance(kind, kinds.UnionType):
         first, *others = (_wrong(bare(each)) for each in kind.types)
         return [each for each in first if all(any(_alike(each, one) for one in other) for other in others)]
@@ -95,7 +95,7 @@ def _alike(one: Any, other: Any) -> bool:
 
 
 def test_what_is_wrong_for_a_union_is_wrong_for_all_of_its_types() -> None:
-    """The generator itself: a parameter's value may be nearly anything, which is not to mean anything at all."""
+    """Tests the generator: a parameter's value allows almost any type, but not all."""
     value, maybe = (kinds.type_info(each) for each in (Value, float | None))
     assert _wrong(value) == [b"x", {}, EXT]
     assert _wrong(maybe) == ["x", b"x", True, [], {}, EXT]
@@ -103,7 +103,7 @@ def test_what_is_wrong_for_a_union_is_wrong_for_all_of_its_types() -> None:
 
 
 def named_by_its_owner(text: str, path: str) -> bool:
-    """Whether an error of a packed field names the field first, then the path of the record that holds it."""
+    """Whether an error of a packed field names the field, then the path of its record."""
     owner, _, field = path.rpartition(".")
     return text.startswith(f"{field}: ") and text.endswith(at(owner))
 
@@ -120,7 +120,7 @@ def test_numbers_beyond_their_bounds_are_refused() -> None:
 
 
 def _beyond(kind: kinds.Type) -> list[float]:
-    """Numbers out of bounds that MessagePack can carry; those of a union are beyond the bounds of each of its types."""
+    """Return numbers out of bounds that MessagePack can encode; for a union, out of each of its types' bounds."""
     kind = bare(kind)
     if isinstance(kind, kinds.UnionType):
         return [each for one in kind.types for each in _beyond(one)]

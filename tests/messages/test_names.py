@@ -1,4 +1,4 @@
-"""Names: what is legal, how it resolves, and its way to a Zenoh key and back."""
+"""Names: validity, resolution, and conversion to a Zenoh key and back."""
 
 import re
 
@@ -151,7 +151,7 @@ def test_a_name_is_measured_after_it_is_resolved() -> None:
 
 
 def test_namespaces_and_nodes_have_the_lengths_of_rmw() -> None:
-    """RMW_NAMESPACE_MAX_LENGTH is 245 and RMW_NODE_NAME_MAX_NAME_LENGTH is 255, each for itself."""
+    """RMW_NAMESPACE_MAX_LENGTH is 245 and RMW_NODE_NAME_MAX_NAME_LENGTH is 255, independently."""
     namespace, name = "/" + "n" * 244, "m" * 255
     identity = Identity.of(name, namespace)
     assert (identity.namespace, identity.node) == (namespace, f"{namespace}/{name}")

@@ -1,4 +1,4 @@
-"""The programs in messages/README.md work as they stand, against records of ours over real Zenoh."""
+"""The programs in messages/README.md work unchanged with our records over real Zenoh."""
 
 import re
 import socket
@@ -42,7 +42,7 @@ def router() -> Iterator[tuple[zenoh.Session, str]]:
 
 @contextmanager
 def running(title: str, endpoint: str) -> Iterator[subprocess.Popen[str]]:
-    """One program of the README, without our packages in sight."""
+    """Run a program of the README without access to our packages."""
     assert ENDPOINT in PROGRAMS[title]
     source = PROGRAMS[title].replace(ENDPOINT, endpoint)
     with subprocess.Popen([sys.executable, "-I", "-c", source], stdout=subprocess.PIPE, text=True) as program:
@@ -53,7 +53,7 @@ def running(title: str, endpoint: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def published(session: zenoh.Session, key: str, message: Message, title: str, endpoint: str) -> str:
-    """What a program prints while a record is published on a key."""
+    """Run a program while a record is published on a key; return its output."""
     with running(title, endpoint) as program:
         deadline = time.monotonic() + LIMIT_S
         while program.poll() is None and time.monotonic() < deadline:

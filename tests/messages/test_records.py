@@ -1,4 +1,4 @@
-"""Every record travels unchanged, through our codec and through an independent MessagePack library."""
+"""Every record is unchanged by a round trip through our codec and an independent MessagePack library."""
 
 import json
 from typing import Any
@@ -16,7 +16,7 @@ from tests.messages.strategies import FEW, plain, struct, unpack, values, write_
 
 
 def same(ours: Any, theirs: Any) -> bool:
-    """Equality of plain values, arrays by their bytes and shape, numbers by type as well."""
+    """Whether plain values are equal: arrays in type, shape and bytes, numbers also in type."""
     if isinstance(ours, dict):
         return list(ours) == list(theirs) and all(same(ours[name], theirs[name]) for name in ours)
     if isinstance(ours, list):
@@ -64,7 +64,7 @@ def test_each_record_has_a_type_of_its_own_and_says_what_it_is() -> None:
 
 
 def of_the_bus(module: str) -> bool:
-    """Whether a module's records travel; those of ``messages.cdr`` lie in bags alone."""
+    """Whether a module's records occur on the bus; those of ``messages.cdr`` occur only in bags."""
     return module.startswith("messages.") and not module.startswith("messages.cdr.")
 
 

@@ -1,4 +1,4 @@
-"""Poses on the ground obey the laws of a group, agree with poses in space, and keep an unbounded yaw."""
+"""Planar poses obey the group laws, agree with poses in space, and keep an unbounded yaw."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rigid transforms obey the laws of a group, and interpolate along lines and arcs."""
+"""Rigid transforms obey the group laws and interpolate along lines and arcs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ shares = st.floats(0, 1)
 
 
 def about(axis: Vector, turn: float) -> Rotation:
-    """The rotation by ``turn`` [rad] about a unit axis."""
+    """Return the rotation by ``turn`` [rad] about a unit axis."""
     s = math.sin(turn / 2)
     return axis[0] * s, axis[1] * s, axis[2] * s, math.cos(turn / 2)
 
@@ -40,7 +40,7 @@ def poses(draw: st.DrawFn) -> Pose3:
 
 
 def same(one: Pose3, other: Pose3, within: float = 1e-9) -> bool:
-    """Equal as transforms: q and -q are one rotation."""
+    """Whether transforms are equal; q and -q are the same rotation."""
     sign = math.copysign(1, sum(a * b for a, b in zip(one.orientation, other.orientation, strict=True)))
     apart = [a - b for a, b in zip(one.position, other.position, strict=True)]
     apart += [a - sign * b for a, b in zip(one.orientation, other.orientation, strict=True)]
@@ -48,7 +48,7 @@ def same(one: Pose3, other: Pose3, within: float = 1e-9) -> bool:
 
 
 def matrix(pose: Pose3) -> np.ndarray:
-    """The homogeneous matrix, from where the axes go: an independent way to compose."""
+    """Return the homogeneous matrix, from the rotated axes: an independent way to compose."""
     made = np.eye(4)
     for column, axis in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
         made[:3, column] = rotate(pose.orientation, axis)
@@ -84,7 +84,7 @@ def test_interpolation_is_a_unit_rotation_and_the_same_from_both_ends(one: Pose3
     between = one.interpolate(other, share)
     assert math.hypot(*between.orientation) == pytest.approx(1)
     cosine = sum(a * b for a, b in zip(one.orientation, other.orientation, strict=True))
-    if abs(cosine) > 1e-6:  # else both arcs are as short
+    if abs(cosine) > 1e-6:  # else both arcs are equally short
         assert same(between, other.interpolate(one, 1 - share), 1e-7)
 
 

@@ -1,4 +1,4 @@
-"""Templates: the same bytes as the codec makes, whatever the numbers and the stamp."""
+"""Templates give the same bytes as the codec, for any numbers and stamp."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STAMPS = (0, 1, 127, 128, 4_999_999_999, 2**31 * 10**9 - 1)
 
 
 def _odometry(stamp: Time, numbers: Sequence[float]) -> Odometry:
-    w, x, y, z = numbers  # on the wire in another order than given
+    w, x, y, z = numbers  # in another order on the wire
     pose = Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(w=w))
     packed = covariance(1, 2, 3, 4, 5, 6)
     header = Header(stamp=stamp, frame_id="odom")

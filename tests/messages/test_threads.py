@@ -1,4 +1,4 @@
-"""Records in several threads, as in a script whose topics have a thread each."""
+"""Records in several threads, as in a script with a thread for each topic."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def frequent_switches() -> Iterator[None]:
 
 
 def nested_records(number: int) -> Any:
-    """Records in records, whose fields nobody has read yet."""
+    """Return nested records whose type information hasn't been read yet."""
     text = "from __future__ import annotations\nimport msgspec\n"
     for depth in range(DEPTH):
         inner = f"R{depth - 1}" if depth else "int"

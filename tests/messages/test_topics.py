@@ -1,4 +1,4 @@
-"""The tables of topics and requests hold together."""
+"""The tables of topics and requests are consistent."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Robots of a user, written in the style of those that are published: a package with URDF, xacro and meshes."""
+"""Sample robots in the style of published ones: a package with URDF, xacro and meshes."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ INERTIAL = '<inertial><mass value="{mass}"/><inertia ixx="{i}" iyy="{i}" izz="{i
 
 
 def inertial(mass: float = 1.0, moment: float = 0.01) -> str:
-    """A link's ``<inertial>``."""
+    """Return a link's ``<inertial>``; mass [kg], moment [kg m2]."""
     return INERTIAL.format(mass=mass, i=moment)
 
 
 def link(name: str, *content: str) -> str:
-    """A link on a line of its own."""
+    """Return a link on a line of its own."""
     return f'<link name="{name}">{"".join(content)}</link>\n'
 
 
 def joint(name: str, kind: str, parent: str, child: str, *content: str) -> str:
-    """A joint on a line of its own."""
+    """Return a joint on a line of its own."""
     ends = f'<parent link="{parent}"/><child link="{child}"/>'
     return f'<joint name="{name}" type="{kind}">{ends}{"".join(content)}</joint>\n'
 
 
 def shape(tag: str, geometry: str, xyz: str = "0 0 0", rpy: str = "0 0 0") -> str:
-    """A ``<collision>`` or ``<visual>``."""
+    """Return a ``<collision>`` or ``<visual>``."""
     return f'<{tag}><origin xyz="{xyz}" rpy="{rpy}"/><geometry>{geometry}</geometry></{tag}>'
 
 
 def robot(*content: str, name: str = "sample") -> str:
-    """The URDF."""
+    """Return the URDF."""
     return f'<?xml version="1.0"?>\n<robot name="{name}">\n{"".join(content)}</robot>\n'
 
 
@@ -43,7 +43,7 @@ ACROSS = '<axis xyz="0 1 0"/>'
 
 
 def car(front: Sequence[float], limit: str = '<limit lower="-0.5" upper="0.5" effort="20" velocity="3"/>') -> str:
-    """A car with a driven rear axle and a wheel on a steering joint at each of the ``front`` offsets to the left."""
+    """Return a car with a driven rear axle and a wheel on a steering joint at each of the ``front`` y offsets [m]."""
     wheel = inertial(0.5, 1e-3), shape("collision", '<cylinder radius="0.1" length="0.05"/>', rpy="1.5707963 0 0")
     parts = [link("base_link", INERTIAL_OF_BASE, shape("collision", '<box size="0.5 0.2 0.1"/>', "0.2 0 0.15"))]
     for side, y in (("left", 0.2), ("right", -0.2)):
@@ -51,7 +51,7 @@ def car(front: Sequence[float], limit: str = '<limit lower="-0.5" upper="0.5" ef
         parts += [joint(f"rear_{side}", "continuous", "base_link", f"{side}_wheel", origin, ACROSS)]
         parts += [link(f"{side}_wheel", *wheel)]
     for number, y in enumerate(front):
-        # The second one turns to the right, as some are mounted.
+        # The second one has a reversed axis, as some are mounted.
         axis = f'<axis xyz="0 0 {-1 if number else 1}"/>'
         kingpin, rim = f"kingpin_{number}", f"front_wheel_{number}"
         origin = f'<origin xyz="0.4 {y} 0.1"/>'
@@ -62,26 +62,26 @@ def car(front: Sequence[float], limit: str = '<limit lower="-0.5" upper="0.5" ef
 
 
 def write(path: Path, text: str) -> Path:
-    """Write a file with its folders; return it."""
+    """Write a file with its folders; return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     return path
 
 
 def write_package(folder: Path, name: str) -> Path:
-    """A package: a folder with its ``package.xml``."""
+    """Write a package, a folder with a ``package.xml``; return it."""
     write(folder / "package.xml", f"<package><name>{name}</name></package>")
     return folder
 
 
 CUBE = [(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)]
-"""Corners of a box from the origin to (1, 2, 3)."""
+"""Corners of a box from the origin to (1, 2, 3) [m]."""
 CUBE_SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 CUBE_TRIANGLES = [each for a, b, c, d in CUBE_SIDES for each in ((a, b, c), (a, c, d))]
 
 
 def write_meshes(folder: Path) -> dict[str, Path]:
-    """The box of ``CUBE`` in all formats, by the ending of its file's name and a word."""
+    """Write the box of ``CUBE`` in all formats; return the files by format."""
     folder.mkdir(parents=True, exist_ok=True)
     files = {
         "stl": folder / "cube.stl",
@@ -105,7 +105,7 @@ def write_meshes(folder: Path) -> dict[str, Path]:
 
 
 def binary_stl(triangles: Sequence[Sequence[tuple[float, float, float]]]) -> bytes:
-    """A binary STL."""
+    """Return a binary STL."""
     rows = b"".join(
         struct.pack("<12fH", 0, 0, 0, *(part for corner in each for part in corner), 0) for each in triangles
     )
@@ -113,7 +113,7 @@ def binary_stl(triangles: Sequence[Sequence[tuple[float, float, float]]]) -> byt
 
 
 def dae_cube() -> str:
-    """The box in centimetres, its node moved by -100 along x, so that it lies from (-1, 0, 0) to (0, 2, 3) m."""
+    """Return the box in centimetres, with its node moved by -100 along x: from (-1, 0, 0) to (0, 2, 3) [m]."""
     numbers = " ".join(f"{100 * part}" for corner in CUBE for part in corner)
     indices = " ".join(str(n) for each in CUBE_SIDES for n in each)
     return f"""<?xml version="1.0"?>

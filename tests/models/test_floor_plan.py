@@ -1,4 +1,4 @@
-"""Floor plans: walls from a picture, and map.yaml."""
+"""Floor plans: walls from an image, and map.yaml."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from models.world import BadWorld, WorldBody, read_world
 
 
 def rooms(edge: int = 2000) -> NDArray[np.bool_]:
-    """Outer walls, a cross of inner ones with a door in each arm, and a slanting one; true is wall."""
+    """Return a plan (true is wall): outer walls, a cross of inner ones with a door in each arm, and a slanting one."""
     walls = np.zeros((edge, edge), bool)
     wall, half, door = edge // 100, edge // 2, edge // 20
     walls[:wall] = walls[-wall:] = walls[:, :wall] = walls[:, -wall:] = True
@@ -46,7 +46,7 @@ def test_few_rectangles_cover_the_walls_exactly() -> None:
 
 
 def footprints(body: WorldBody) -> list[tuple[float, ...]]:
-    """Centre x and y, and size along x and y, of the boxes of a plan in its own frame."""
+    """Return centre (x, y) and size (x, y) [m] of a plan's boxes in its own frame."""
     found = []
     for part in body.parts:
         assert isinstance(part.shape, BoxShape)

@@ -1,4 +1,4 @@
-"""What is read of Gazebo's tags, in the spellings of ROS 1, ROS 2 and gz-sim, and what is named as not understood."""
+"""Parsing of Gazebo's tags in the forms of ROS 1, ROS 2 and gz-sim, and notes about unsupported ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROBOTS = Path(__file__).parent / "robots"
 
 
 def tags_of(*inside: str) -> GazeboTags:
-    """Of a robot whose first line holds nothing, and each other line one of these."""
+    """Return the tags of a robot with one of these elements per line, from line 2 on."""
     return parse_gazebo_tags("\n".join(("<robot name='r'>", *inside, "</robot>")), "r.urdf")
 
 

@@ -1,4 +1,4 @@
-"""Meshes of all formats come out alike, and what is not a mesh, or too large a one, is refused before it is decoded."""
+"""Meshes of all formats give the same shape; invalid or too large files are rejected before decoding."""
 
 from __future__ import annotations
 

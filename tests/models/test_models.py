@@ -23,11 +23,11 @@ from services.sim.physics.world import Body, Motor
 from tests.models import sample_robots as samples
 
 MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55, "p3dx": 9.0, "arm": 52.0, "arm_corrected": 52.0}
-"""kg, the sums of the TurtleBots' and the arm's published URDFs, the Pioneer's published weight."""
+"""Masses [kg]: sums of the TurtleBots' and the arm's published URDFs, and the Pioneer's published weight."""
 
 SOURCES = dict.fromkeys(WHEELED, "ROBOTIS") | {"p3dx": "Pioneer3dx.proto"}
 SOURCES |= {"arm": "one_dof_arm", "arm_corrected": "../arm/README.md"}
-"""What must be among those that a README names."""
+"""Sources that a model's README must name."""
 
 
 def test_the_lists_are_what_lies_in_the_folders() -> None:
@@ -194,14 +194,14 @@ def test_rays_are_as_far_apart_as_the_field_of_view_says() -> None:
 
 
 def test_the_optical_frame_looks_ahead() -> None:
-    """Its z axis is the robot's x axis."""
+    """The optical frame's z axis is the robot's x axis."""
     joints = {joint.child: joint for joint in read_joints("waffle")}
     x, y, z, w = joints["camera_rgb_optical_frame"].rotation()
     assert (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)) == pytest.approx((1.0, 0.0, 0.0))
 
 
 def test_how_high_robots_reach_is_read_from_their_shapes(tmp_path: Path) -> None:
-    """The burger's height is that of its maker's drawing, 192 mm; the arm's is the way to the end of its upper link."""
+    """The burger's height is that of its maker's drawing, 192 mm; the arm's reaches the end of its upper link."""
     mast = samples.shape("collision", '<box size="0.02 0.02 0.5"/>', xyz="0 0 0.25")
     pole = samples.robot(samples.link("base_link", samples.inertial(), mast))
     samples.write(tmp_path / "rover.urdf", pole)

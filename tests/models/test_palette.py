@@ -1,4 +1,4 @@
-"""The palette of the robots: one colour for each, told apart by every eye, and the same for everyone who asks."""
+"""The robots' palette: a colour for each, distinguishable with any colour vision, and the same in all processes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CONES = {
         [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
     ),
 }
-"""Linear sRGB as seen without one kind of cones: Machado, Oliveira and Fernandes, 2009, severity 1."""
+"""Linear sRGB as seen without one kind of cones (Machado, Oliveira and Fernandes, 2009, severity 1)."""
 
 
 def linear(each: Colour) -> np.ndarray:
@@ -29,7 +29,7 @@ def linear(each: Colour) -> np.ndarray:
 
 
 def oklab(light: np.ndarray) -> np.ndarray:
-    """OKLab of linear sRGB: Ottosson, 2020."""
+    """Convert linear sRGB to OKLab (Ottosson, 2020)."""
     to_cones = [
         [0.4122214708, 0.5363325363, 0.0514459929],
         [0.2119034982, 0.6806995451, 0.1073969566],

@@ -1,4 +1,4 @@
-"""What holds an arm against its weight, from its URDF, is what holds it in the engine."""
+"""The effort that holds an arm against gravity, computed from its URDF, holds it in the physics engine."""
 
 from __future__ import annotations
 

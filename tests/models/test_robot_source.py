@@ -1,4 +1,4 @@
-"""A robot's path becomes files that every process reads; what is wrong with it is told with file and line."""
+"""Resolving a robot's path to files that every process can read; mistakes are reported with file and line."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WHEEL = shape("collision", '<cylinder radius="0.05" length="0.02"/>', rpy="1.570
 
 
 def rolling(*content: str) -> str:
-    """A base on two wheels whose root is at the height of their axle."""
+    """Return a base on two wheels whose root is at the height of their axle."""
     return robot(
         link("base_link", inertial(), shape("collision", '<box size="0.3 0.2 0.06"/>'), *content),
         *(
@@ -44,7 +44,7 @@ def rolling(*content: str) -> str:
 
 
 def mesh(said: str, scale: str = "1 1 1") -> str:
-    """A collision by a mesh."""
+    """Return a ``<collision>`` with a mesh."""
     return shape("collision", f'<mesh filename="{said}" scale="{scale}"/>')
 
 
@@ -362,7 +362,7 @@ def test_names_here_stay_what_they_are() -> None:
 
 
 def test_a_wheel_is_what_is_largest_of_what_a_joint_turns() -> None:
-    """A tyre that is fixed to a hub, moved and turned: the joint turns about y, which is the tyre's x."""
+    """A tyre fixed to a hub with an offset and a rotation: the joint turns about y, which is the tyre's x axis."""
     tyre = shape("collision", '<cylinder radius="0.1" length="0.04"/>', xyz="0 0.02 0", rpy="0 1.5707963267948966 0")
     text = robot(
         link("base_link", inertial()),

@@ -1,4 +1,4 @@
-"""SDF worlds: what is read of them, what is named as not understood, and what is refused."""
+"""SDF worlds: parsed content, notes about unsupported elements, and errors."""
 
 import math
 from pathlib import Path
@@ -84,7 +84,7 @@ BOX = """<sdf version="1.6"><model name="box"><pose>0 0 0.25 0 0 0</pose><link n
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A package as one for Gazebo is laid out: worlds/, and models/ with one model."""
+    """A package with Gazebo's layout: worlds/, and models/ with one model."""
     model = tmp_path / "package" / "models" / "box"
     (tmp_path / "package" / "worlds").mkdir(parents=True)
     model.mkdir(parents=True)
@@ -123,7 +123,7 @@ def test_models_become_bodies_with_their_poses_shapes_and_names(package: Path) -
     assert (bodies["door"].pose @ leaf.pose).position == pytest.approx((5.5, 0, 0))
     assert bodies["pair::two"].pose.position == (1, 0, 0)
     assert bodies["pair::inner"].pose.position == (0, 1, 0)
-    assert bodies["first"].pose.position == pytest.approx((3, 3, 0))  # in place of the model's own pose
+    assert bodies["first"].pose.position == pytest.approx((3, 3, 0))  # overrides the model's own pose
     assert bodies["box"].pose.position == pytest.approx((0, 0, 0.25))
     file = package / "worlds" / "yard.world"
     told = {
@@ -169,7 +169,7 @@ def test_meshes_height_maps_polylines_and_planes(package: Path) -> None:
     assert isinstance(part.shape, MeshShape)
     vertices, triangles = part.shape.mesh.vertices, part.shape.mesh.triangles
     a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
-    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(10.0)  # outside is outside
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(10.0)  # normals point outwards
     (part,) = only(read(package, model("<plane><normal>1 0 0</normal><size>4 6</size></plane>"))).parts
     assert part.shape == BoxShape((4, 6, 0.1))
     assert (part.pose @ Pose3((0, 0, 0.05))).position == pytest.approx((0, 0, 0))

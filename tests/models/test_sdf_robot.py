@@ -1,4 +1,4 @@
-"""Models in SDF as URDFs: frames, joints, what goes along in Gazebo's tags, and what is refused."""
+"""Conversion of SDF models to URDF: frames, joints, Gazebo tags, and errors."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_what_is_no_model_is_said() -> None:
 
 
 def test_hostile_texts_take_no_longer_than_others() -> None:
-    """1 MiB of beginnings without an end: what looks for the end of each again takes minutes."""
+    """1 MiB of opening tags without an end: searching for each end again would take minutes."""
     for begin in ("<!--", "<gazebo ", "<model ", "<model name", "<robot name="):
         text = begin * ((1 << 20) // len(begin))
         with pytest.raises(BadInput):

@@ -1,4 +1,4 @@
-"""Worlds as files: what they may hold, and how what is wrong is told."""
+"""World files: their content, and errors with file and line."""
 
 import zlib
 from pathlib import Path
@@ -65,7 +65,7 @@ def test_a_file_may_hold_bodies_of_every_shape_and_kind(tmp_path: Path) -> None:
     heights = hills.parts[0].shape
     assert isinstance(heights, HeightMapShape)
     assert heights.size == (1.0, 0.5)
-    assert heights.heights.tolist() == [[-1, -1, -1], [-1, 1, -1]]  # the picture's top row lies at +y
+    assert heights.heights.tolist() == [[-1, -1, -1], [-1, 1, -1]]  # the image's top row is at +y
     assert cart.path == BodyPath(((0, 0, 0.2), (2, 0, 1)), 1.0, "there_and_back", 0.5)
     assert [light.name for light in world.lights] == ["sun"]
 
@@ -75,7 +75,7 @@ def test_a_path_is_passed_at_its_speed_with_its_pauses() -> None:
     back = BodyPath(points, 1.0, "there_and_back", pause=0.5, start=1.0)
     for seconds, x, y in [
         (0, 0, 0),
-        (1.5, 0, 0),  # it rests at its first point, too
+        (1.5, 0, 0),  # it pauses at its first point, too
         (2.5, 1, 0),
         (3.7, 2, 0),
         (4.5, 2, 0.5),
@@ -130,7 +130,7 @@ def test_what_is_wrong_is_told_with_file_line_and_the_right_name(tmp_path: Path)
     file.write_text("[[boxes]]\n" * 100_000)
     with pytest.raises(BadWorld, match=r"\[\[boxes\]\] has 100,000 entries, the limit of a world is 5,000"):
         read_world(str(file))
-    with open(tmp_path / "large.stl", "wb") as mesh:  # 2 million triangles, none of which is read
+    with open(tmp_path / "large.stl", "wb") as mesh:  # 2 million triangles, none of which are read
         mesh.write(bytes(80) + (2_000_000).to_bytes(4, "little"))
         mesh.truncate(84 + 50 * 2_000_000)
     file.write_text('[[bodies]]\nname = "statue"\nshape = "mesh"\nfile = "large.stl"\n')
@@ -141,7 +141,7 @@ def test_what_is_wrong_is_told_with_file_line_and_the_right_name(tmp_path: Path)
 
 
 def test_a_huge_picture_is_refused_by_its_header(tmp_path: Path) -> None:
-    """20,000 by 20,000 pixels of nothing: 400 MB that are never decoded."""
+    """20,000 by 20,000 pixels: 400 MB that are never decoded."""
     size = (20_000).to_bytes(4, "big")
     chunks = [(b"IHDR", size + size + bytes([8, 0, 0, 0, 0])), (b"IDAT", b"nothing")]
     picture = b"\x89PNG\r\n\x1a\n"

@@ -1,4 +1,4 @@
-"""Fleets of ROS 1 programs: runs of them, and the output of each program."""
+"""Runs fleets of ROS 1 programs and checks the output of each program."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from tests.harness.waiting import wait_until
 HERE = Path(__file__).parent
 FLEETS = HERE / "fleets"
 WITHIN_S = 200.0
-"""Wall time of a run, which takes a tenth of it on an idle machine."""
+"""Wall time limit of a run, which takes a tenth of it on an idle machine."""
 AT_A_TIME = 2
-"""Fleets side by side: one in real time mostly waits, and each does while it starts and ends."""
+"""Fleets in parallel: one in real time mostly waits, and each does while it starts and ends."""
 
 Lines = Mapping[str, Sequence[str]]
-"""What each program writes, by its process."""
+"""Output lines of each program, by process."""
 NOTHING: Lines = MappingProxyType({})
 
 _WALL_TIME = re.compile(r"\[\d{10}\.\d+")
 PACE = {"real": {"lag_s"}, "lockstep": set[str]()}
-"""What a busy machine misses in real time, and what no program is to blame for: all here is told by simulated time."""
+"""Checks that may fail in real time on a busy machine, through no fault of a program: output is on simulated time."""
 
 _OF_NODE = re.compile(r"^\[\d+\.\d+\] [A-Z]+ ")
-"""A line of the node itself: it waits for a clock, or for others, as long as the machine takes."""
+"""A line of the node itself about waiting for a clock or other nodes, which depends on the machine."""
 _ADDRESS = re.compile(r"\b0x[0-9a-f]{6,}")
 _LOGGED = re.compile(r"^\[[A-Z]+\] \[[^]]*\]: ")
 _SUPERVISOR = "--- "
@@ -44,38 +44,38 @@ _SUPERVISOR = "--- "
 
 @dataclass(frozen=True)
 class ScriptRun:
-    """A fleet that has run to its end."""
+    """A finished run of a fleet."""
 
     report: dict[str, Any]
     logs: Path
 
     def lines(self, process: str) -> list[str]:
-        """What a program wrote on standard output and standard error, without wall times and places in memory."""
+        """Return a program's standard output and standard error, without wall times and memory addresses."""
         return _lines(self.logs, process)
 
     def processes(self) -> list[str]:
-        """The names of the logs."""
+        """Return the names of the processes that have a log."""
         return sorted(each.stem.replace(".", "/") for each in self.logs.glob("*.log"))
 
 
 Jobs = dict[str, Callable[[], ScriptRun]]
-"""Runs to be made, by their names."""
+"""Runs to start, by name."""
 Runs = Mapping[str, Future[ScriptRun]]
-"""Runs under way, by their names."""
+"""Started runs, by name."""
 
 
 def run_until_said(
     fleet: str, folder: Path, said: Lines, *options: str, begun: Lines = NOTHING, flooded: str = ""
 ) -> ScriptRun:
-    """Run a fleet of this folder in real time until its programs have spoken, then end it by Ctrl-C.
+    """Run a fleet of this folder in real time until its programs have printed their lines, then end it with Ctrl-C.
 
     Args:
-        fleet: Its name.
-        folder: The run's.
-        said: Lines that are waited for.
-        options: Those of the run.
-        begun: Lines of which the first words are enough.
-        flooded: A robot whose program never waits: commands to it may be lost, and no other message.
+        fleet: Name of the fleet.
+        folder: Working folder of the run.
+        said: Lines to wait for, by process.
+        options: Further options of ``up``.
+        begun: Lines to wait for of which only the first word must match.
+        flooded: A robot whose program never waits: only commands to it may be lost, no other messages.
     """
     terminal = _terminal(folder)
     started = _start(terminal, fleet, "real", "--set", "run.ends=never", *options)
@@ -90,7 +90,7 @@ def run_scripts(fleet: str, folder: Path, mode: str, *options: str) -> ScriptRun
 
 
 def lockstep_runs(folder: Path, seconds: Mapping[str, float], repeated: Collection[str]) -> Jobs:
-    """A run of each fleet for so much simulation time, ``FLEET 1``, and a second one of each of those ``repeated``."""
+    """Return a run of each fleet for its simulation time [s], ``FLEET 1``, and a second one of each in ``repeated``."""
     return {
         f"{fleet} {number}": partial(
             run_scripts, fleet, folder / f"{fleet}{number}", "lockstep", "--duration", str(end)
@@ -102,13 +102,15 @@ def lockstep_runs(folder: Path, seconds: Mapping[str, float], repeated: Collecti
 
 @contextmanager
 def side_by_side(runs: Jobs) -> Iterator[Runs]:
-    """Run fleets, AT_A_TIME of them, in their order; those in real time, which wait most, come first."""
+    """Run fleets in their order, AT_A_TIME in parallel; those in real time, which wait most, come first."""
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         yield {name: pool.submit(run) for name, run in runs.items()}
 
 
 def interrupt_when_said(fleet: subprocess.Popen[str], logs: Path, said: Lines, begun: Lines = NOTHING) -> None:
-    """End a fleet by Ctrl-C once its programs have spoken; also if they take too long, or if it ends before."""
+    """End a fleet with Ctrl-C once its programs have printed their lines, it has ended itself, or WITHIN_S has
+    passed.
+    """
     silent = [*said.items()], [*begun.items()]
 
     def all_spoke() -> bool:
@@ -117,7 +119,7 @@ def interrupt_when_said(fleet: subprocess.Popen[str], logs: Path, said: Lines, b
                 lines.pop()
         return not any(silent) or fleet.poll() is not None
 
-    with suppress(AssertionError):  # what is missing is told by those who look for it
+    with suppress(AssertionError):  # missing lines are reported by the later checks
         wait_until(all_spoke, WITHIN_S)
     fleet.send_signal(signal.SIGINT)
 
@@ -144,26 +146,26 @@ def _finish(terminal: CommandLine, started: subprocess.Popen[str], mode: str, fl
 
 
 def assert_said(run: ScriptRun, expected: Lines) -> None:
-    """Each program wrote its lines in their order, perhaps others between them."""
+    """Assert that each program printed its lines in order, possibly with others between them."""
     _assert_none(missing_lines, run, expected)
 
 
 def assert_began(run: ScriptRun, expected: Lines) -> None:
-    """Each program wrote lines that begin with the words of those expected, in their order.
+    """Assert that each program printed lines with the first words of those expected, in order.
 
-    For real time, where a machine that lets a program wait changes what it measures, but not what it does.
+    For real time, where a busy machine changes a program's measurements, but not its actions.
     """
     _assert_none(missing_words, run, expected)
 
 
 def missing_lines(wanted: Sequence[str], said: Sequence[str]) -> list[str]:
-    """The lines that were not said in their order."""
+    """Return the wanted lines that were not printed in order."""
     rest = iter(said)
     return [each for each in wanted if each not in rest]
 
 
 def missing_words(wanted: Sequence[str], said: Sequence[str]) -> list[str]:
-    """The first words of lines with which no line began in their order."""
+    """Return the first words of the wanted lines with which no line starts, in order."""
     return missing_lines([each.split()[0] for each in wanted], [each.partition(" ")[0] for each in said])
 
 
@@ -187,9 +189,9 @@ def _lines(logs: Path, process: str) -> list[str]:
 
 
 def assert_same(first: ScriptRun, second: ScriptRun, scripts: Sequence[str], silent: Sequence[str] = ()) -> None:
-    """Two runs in lockstep left the same trajectories and the same words, of which ``silent`` programs may have none.
+    """Assert that two lockstep runs have the same trajectories and output; ``silent`` programs may print nothing.
 
-    Behind the end of the run, simulation goes on until the processes have ended, in one run longer than in the other.
+    Lines after the end of the shorter output are ignored, as the simulation continues until all processes have ended.
     """
     assert first.report["run"]["trajectory_hash"] == second.report["run"]["trajectory_hash"]
     for process in (*scripts, *silent):

@@ -1,4 +1,4 @@
-"""A program's action client and a controller's action server."""
+"""A ROS 1 program's action client with a controller's action server."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faulty ROS 1 programs: the mistake is reported with file and line, and the fleet goes on."""
+"""Faulty ROS 1 programs: the mistake is reported with file and line, and the fleet continues."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs of ROS 1 that drive robots by odometry, laser, transforms and time."""
+"""ROS 1 programs that drive robots by odometry, laser, transforms and time."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ SAID = {
     },
     "flood": {"formation": ["1", "2", "3"]},
 }
-"""What the programs of each fleet say."""
+"""Expected output of each fleet's programs."""
 SILENT = {
     "drive": ["patrol/patrol_server"],
     "tasks": ["keys/key_driver", "mover/move_service"],
@@ -60,9 +60,9 @@ SILENT = {
 }
 LOCKSTEP_S = {"drive": 15, "tasks": 12.5, "flood": 9.5}
 FLOODED = {"drive": "", "flood": "tb3_1"}
-"""The fleets that run in real time too, and the robot of each whose program never waits."""
+"""The fleets that also run in real time, and the robot of each whose program never waits."""
 REPEATED = "tasks"
-"""The one that runs in lockstep again."""
+"""The fleet that runs in lockstep twice."""
 DRIVEN_M = {
     "solo": (0.55, 0.75),
     "lights": (1.2, 1.3),
@@ -80,8 +80,8 @@ DRIVEN_M = {
     "tb3_1": (0.9, 1.8),
     "patrol": (0.9, 1.4),
 }
-"""Paths in m that follow from each program's speeds and times, by ground truth. In real time a machine that lets a
-program wait lengthens what it drives by the clock; in lockstep time waits for the program.
+"""Path lengths [m] that follow from each program's speeds and times, from ground truth. In real time a busy machine
+lengthens paths that a program drives by the clock; in lockstep time waits for the program.
 """
 
 
@@ -120,7 +120,7 @@ def test_in_lockstep_each_program_drives_its_way_and_the_same_way_twice(runs: Ru
 
 
 def assert_drove(run: ScriptRun, share: float = 1.0) -> None:
-    """Each robot drove a share of the least path, and met nobody."""
+    """Assert that each robot drove at least ``share`` of its shortest path, without collisions."""
     for robot, found in run.report["robots"].items():
         with case(robot):
             assert found["path_length_m"] >= share * DRIVEN_M[robot][0]

@@ -145,11 +145,11 @@ SAID = {
         "subscribe_notify": ["a peer subscribed to /greetings", "a peer left, 0 remain"],
     },
 }
-"""What the programs of each fleet say."""
+"""Expected output of each fleet's programs."""
 LOCKSTEP_S = 4
-"""Simulated time in which all is said where no program is late."""
+"""Simulation time [s] within which all is printed if no program is late."""
 REPEATED = {"talk"}
-"""What depends on the order of messages, calls and threads, and so on the timing of the machine if on anything."""
+"""Fleets whose output depends on the order of messages, calls and threads, and could depend on timing."""
 
 
 @pytest.fixture(scope="module")

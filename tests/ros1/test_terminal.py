@@ -1,4 +1,4 @@
-"""Programs of ROS 1 at a terminal: a teleop with a raw keyboard, and questions that ``input`` asks."""
+"""ROS 1 programs at a terminal: a teleop in raw mode, and questions with ``input``."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_keys_drive_a_robot_and_answers_send_a_turtle(tmp_path: Path) -> None:
 
 
 def _hold(terminal: PseudoTerminal, key: str, done: Callable[[], bool]) -> None:
-    """Hold a key down until ``done``: what is typed while a program sets its terminal up for the next key is lost."""
+    """Type a key repeatedly until ``done``: keys are lost while a program sets its terminal up for the next one."""
 
     def held() -> bool:
         terminal.type(key)

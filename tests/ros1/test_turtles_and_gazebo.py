@@ -1,4 +1,4 @@
-"""Programs of ROS 1 on turtlesim, with Gazebo's services and topics, and an arm's law whose gains are reconfigured."""
+"""ROS 1 programs on turtlesim and with Gazebo's services and topics, and an arm controller with reconfigured gains."""
 
 from __future__ import annotations
 
@@ -54,13 +54,14 @@ SAID = {
         ],
     },
 }
-"""What the programs of each fleet say."""
+"""Expected output of each fleet's programs."""
 BEGUN = {
     "gazebo": {"arm_exercise": SAID["gazebo"]["arm_exercise"][:1]},
     "turtles": {"mover": SAID["turtles"]["mover"]},
 }
-"""In real time, how far an arm or a turtle moves follows from the delays of the machine too; in lockstep from the
-program alone. One step shows that the arm moves."""
+"""Output compared by first words in real time, where the motion of an arm or a turtle also depends on the machine's
+delays; in lockstep only on the program. One step shows that the arm moves.
+"""
 REAL = {
     fleet: {name: lines for name, lines in said.items() if name not in BEGUN.get(fleet, {})}
     for fleet, said in SAID.items()

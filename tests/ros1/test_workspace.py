@@ -1,4 +1,4 @@
-"""A workspace of two packages outside the checkout, read-only, by its launch file, whose includes are nested."""
+"""A read-only workspace of two packages outside the checkout, run by its launch file with nested includes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def files(folder: Path) -> dict[str, int]:
 
 
 def launch(folder: Path, package: Path, mode: str) -> ScriptRun:
-    """In lockstep for some simulated seconds, in real time until all has been said."""
+    """Run a launch file, in lockstep for 8 s of simulation time, in real time until all lines are printed."""
     folder.mkdir()
     file, results, terminal = str(package / "launch/all.launch"), folder / "results", CommandLine(folder)
     ends = ("--duration", "8") if mode == "lockstep" else ()

@@ -1,4 +1,4 @@
-"""``python -m services NAME``: one entry for all services, which says how it was called."""
+"""``python -m services NAME``: one entry point for all services, whose usage shows how it was called."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from services.runtime.process import PROGRAM, ROOT
 
 
 def run(*arguments: str, program: str | None = None) -> tuple[int, str, str]:
-    """Exit status, standard output and standard error."""
+    """Run it; return exit status, standard output and standard error."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)} | ({PROGRAM: program} if program else {})
     command = [sys.executable, "-P", "-m", "services", *arguments]
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30, check=False)

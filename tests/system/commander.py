@@ -1,4 +1,4 @@
-"""A commander of three Pioneers, each at its own speed, that ends when and how it is told."""
+"""A controller that drives three Pioneers, each at its own speed, and ends when and how its parameters say."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from services.runtime import Parameters, Service, main
 from services.runtime.context import Context
 
 SPEEDS = {"slow": 0.2, "middle": 0.5, "fast": 0.75}
-"""By robot, m/s."""
+"""Commanded speed [m/s] by robot."""
 RATE = 25
-"""Hz; so often each robot is commanded."""
+"""Rate [Hz] of the commands to each robot."""
 HANGS = "waits for its end in the middle of a tick"
 
 End = Literal["hangs", "falls silent", "stops"]
 
 
 class CommanderParameters(Parameters):
-    """How it ends: it waits for a signal, it commands no more, or it commands on after an emergency stop of all."""
+    """How it ends at ``at`` [s]: it hangs until a signal, goes silent, or drives on after an emergency stop of all."""
 
     end: End = "hangs"
     at: float = 1.0

@@ -1,17 +1,17 @@
-"""A program that knows nothing of Elea: it drives tb3_0 ahead at 20 Hz, speeds up with its last command, and is silent.
+"""A program that imports nothing of Elea: drives tb3_0 ahead at 20 Hz, speeds up with its last command, goes silent.
 
-Zenoh's configuration is the file that the environment variable ZENOH_CONFIG names.
+Zenoh's configuration is the file named by the environment variable ZENOH_CONFIG.
 """
 
 import msgpack
 import zenoh
 
 START = 0.0
-"""y of the robot before it drives, m; it looks along y."""
+"""y of the robot at the start [m]; it faces along y."""
 
 
 def drive(session: zenoh.Session) -> None:
-    """Commands every 0.05 s of the odometry's time, until the robot is 0.15 m ahead; then look on until it stands."""
+    """Command every 0.05 s of odometry time until the robot is 0.15 m ahead; then wait until it stands still."""
     odometry = session.declare_subscriber("tb3_0/odom")
     commands = session.declare_publisher("tb3_0/cmd_vel")
     due, sent, last = 0.0, 0, False

@@ -1,4 +1,4 @@
-"""Sends more data than any reader takes, and what travels like a heartbeat among it; then says how much it was."""
+"""Publishes more data than any reader can receive, with messages of a heartbeat's quality in it; prints the counts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records robots as a member of their lockstep: every sample, however busy the machine is."""
+"""Records robots as a member of their lockstep, and so every sample, however busy the machine is."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 
 NODE = "/lockstep_recorder"
-"""To be named among the simulation's members."""
+"""Its name in the simulation's list of members."""
 WITHIN_S = 60.0
-"""Wall time for what takes a few seconds on a machine that is not busy."""
+"""Wall time limit for what takes a few seconds on an idle machine."""
 TICK_REACHED = "has taken the tick of which it is to tell"
-"""What it prints at the tick at which it is to tell."""
+"""What it prints at the tick at ``tell``."""
 
 
 class LockstepRecorderParameters(Parameters):
-    """What it looks at, the times [s] of its tick to tell of and of having seen enough, and where it writes what."""
+    """Robots to record, time [s] of the tick to report, time [s] of the end, and the output file."""
 
     robots: tuple[str, ...] = ()
     tell: float = 0.0
@@ -33,7 +33,7 @@ class LockstepRecorderParameters(Parameters):
 
 
 class RobotRecording(Message, frozen=True, kw_only=True):
-    """Ground truth and states of the base by robot, oldest first."""
+    """Ground truth and base statuses by robot, oldest first."""
 
     truth: dict[str, list[Odometry]]
     status: dict[str, list[BaseStatus]]
@@ -43,7 +43,7 @@ _read_recording = decoder(RobotRecording)
 
 
 class LockstepRecorder:
-    """The process beside a test."""
+    """Runs the recorder as a process."""
 
     def __init__(
         self, network: Network, folder: Path, robots: Sequence[str], seconds: float, tell: float = 0.0
@@ -54,11 +54,11 @@ class LockstepRecorder:
         self._process = network.run(Path(__file__), "--lockstep", *words)
 
     def wait_tick(self) -> None:
-        """Block until the simulation has let it take the tick of which it is to tell."""
+        """Wait until it has reached the tick at ``tell``."""
         wait_until(lambda: TICK_REACHED in self._process.text, WITHIN_S, "the recorder's tick")
 
     def recording(self) -> RobotRecording:
-        """What it saw, once that is enough."""
+        """Wait for its end and return the recording."""
         wait_until(self._output.exists, WITHIN_S, "what there is to see")
         return _read_recording(self._output.read_bytes())
 

@@ -1,4 +1,4 @@
-"""Two network namespaces with a cable between them, as two machines; only root makes them, as in CI."""
+"""Two network namespaces joined by a virtual cable, as two machines; needs root, as in CI."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
 _HIDDEN = "mount -t tmpfs none '{folder}' && exec \"$@\""
-"""What two machines do not share: the sockets in a folder."""
+"""Hides a folder's sockets, which two machines don't share."""
 
 
 class NamespacePair(NamedTuple):
-    """The names of both namespaces, and the addresses of their ends."""
+    """The names of both namespaces and the addresses of their ends."""
 
     near: str = f"elea-near-{os.getpid()}"
     far: str = f"elea-far-{os.getpid()}"
@@ -22,17 +22,17 @@ class NamespacePair(NamedTuple):
 
     @property
     def near_command(self) -> list[str]:
-        """The words before a command that is to run at the near end."""
+        """The prefix of a command that runs at the near end."""
         return ["ip", "netns", "exec", self.near]
 
     def far_command(self, hide: str) -> list[str]:
-        """The same at the far end, where the folder ``hide`` is empty."""
+        """Return the prefix of a command that runs at the far end, where the folder ``hide`` appears empty."""
         return ["ip", "netns", "exec", self.far, "unshare", "-m", "sh", "-c", _HIDDEN.format(folder=hide), "sh"]
 
 
 @contextmanager
 def namespace_pair() -> Iterator[NamespacePair]:
-    """Both namespaces; they go at the end."""
+    """Create both namespaces; delete them at the end."""
     made = NamespacePair()
     with ExitStack() as stack:
         for each in (made.near, made.far):

@@ -1,4 +1,4 @@
-"""A node in a running fleet that sets and gets its parameters, and follows the changes."""
+"""A node in a running fleet that sets and gets its parameters and receives their changes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.harness.waiting import wait_until
 
 
 class ParameterClient:
-    """Sets, gets, and listens."""
+    """Sets and gets parameters and receives their updates."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -49,7 +49,7 @@ class ParameterClient:
         wait_until(there, 30, f"{name} {expected}")
 
     def wait_for_speed(self, wanted: float, robot: str = "r", within: float = 1e-6) -> None:
-        """Until the service that drives the robot commands this speed."""
+        """Wait until the robot's controller commands this speed [m/s]."""
 
         def there() -> bool:
             self.node.update_subscribers()
@@ -61,7 +61,7 @@ class ParameterClient:
         wait_until(there, 20, f"{wanted} m/s commanded to {robot}")
 
     def wall_time_of(self, seconds: float) -> float:
-        """Wall time that so much simulation time takes, from a clock that comes now."""
+        """Return the wall time [s] that ``seconds`` of simulation time take from now on."""
         self.node.update_subscribers()
         times: list[int] = []
 
@@ -76,7 +76,7 @@ class ParameterClient:
         return time.monotonic() - began
 
     def rejected_samples(self, node: str, topic: str) -> int:
-        """How many samples of a topic a node has refused, by its heartbeat."""
+        """Return how many samples of a topic a node has rejected, from its heartbeat."""
         self.node.update_subscribers()
         for beat, _ in self._health.messages:
             self._beats[beat.node] = beat

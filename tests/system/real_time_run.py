@@ -1,4 +1,4 @@
-"""Runs on the wall clock, on a machine that may be busy: checks hold where it keeps up, else the report names it."""
+"""Runs in real time on a possibly busy machine: checks hold if it keeps up, else the report says that it was late."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 from tests.harness.command_line import CommandLine
 
 FACTORS = (1.0, 0.5, 0.25)
-"""One after the other, while the machine is late: a slower clock gives everybody time."""
+"""Real-time factors, tried in turn while the machine is late: a slower clock gives all processes more time."""
 WITHIN_S = 300.0
 OVERLOADED = 0.05
-"""Share of the wall time, or of a node's ticks, by which a machine is late that no factor above helps."""
+"""Lag, as a share of wall time or of a node's ticks, above which the machine is overloaded at any of these factors."""
 LOAD_SENSITIVE = ("tracking_", "step_", "cross_track_", "closure_", "odometry_", "messages_lost")
-"""Figures that a machine which is late may spoil. Nobody is to be absent, no change or point to be missed on any."""
+"""Prefixes of figures that a late machine may spoil; absent nodes and missed changes or points are always errors."""
 
 
 def run_in_real_time(terminal: CommandLine, fleet: str | Path, name: str) -> dict[str, Any]:
-    """The report of a run in real time whose checks hold.
+    """Run a fleet in real time and return the report of a run whose checks hold.
 
-    Where some are missed, the report must say that the machine was late, and the run is repeated on a slower clock. A
-    machine that is overloaded even then may spoil figures of control, and nothing else.
+    If a check fails, the report must say that the machine was late, and the run is repeated on a slower clock. A
+    machine that is overloaded even then may spoil control figures, and nothing else.
     """
     tried = []
     for factor in FACTORS:
@@ -47,7 +47,7 @@ def run_in_real_time(terminal: CommandLine, fleet: str | Path, name: str) -> dic
 
 
 def is_overloaded(report: dict[str, Any]) -> bool:
-    """Whether the machine was so late that nothing can be said of control."""
+    """Whether the machine was too late to judge control figures."""
     figures = report["run"]
     slowest_hz = 25
     ticks = max(figures["ticks_missed"].values(), default=0)

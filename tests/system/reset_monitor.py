@@ -1,4 +1,4 @@
-"""A controller that follows time and logs when it is reset."""
+"""A controller that logs resets of time."""
 
 from __future__ import annotations
 

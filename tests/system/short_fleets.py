@@ -1,4 +1,4 @@
-"""Fleets with less to do than as they come: the lab with a short way, its tables in any order; others unrecorded."""
+"""Shortened variants of the project's fleets: the lab with short paths, also reordered; fleets without a logger."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 from deploy.fleet_file import find_fleet
 
 GOALS = [[0.5, 0.0], [0.0, 0.0]]
-"""Out and back, counted from each robot's start; 10 s of simulation time."""
+"""Goals out and back, from each robot's start [m]; 10 s of simulation time."""
 
 SQUARE = 'services = [{ kind = "square", parameters = { side = 0.2, angular_speed = 1.5 } }]'
-"""The Pioneer's way: 17 s of simulation time."""
+"""The Pioneer's square: 17 s of simulation time."""
 
 ARM = 'services = [{ kind = "reference" }, { kind = "arm" }]'
 
@@ -31,14 +31,14 @@ kind = "logger"
 
 
 def without_logger(file: Path) -> str:
-    """The text of a fleet's file without its logger, which costs a third of a small fleet's processor time."""
+    """Return the text of a fleet file without its logger, which takes a third of a small fleet's processor time."""
     text, found = re.subn(r'\[\[service\]\]\nkind = "logger"\nparameters = .*\n', "", file.read_text())
     assert found == 1
     return text
 
 
 def short_lab(path: Path) -> Path:
-    """The lab with GOALS, as its file lays it out, and an exercise of the arm that is over when they are."""
+    """Write the lab with GOALS, in its file's layout, and an arm exercise that ends with them; return the path."""
     text = find_fleet("lab").read_text()
     own = 'services = [{ kind = "square" }]'
     for old, new in ((own, SQUARE), ("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 ")):
@@ -50,7 +50,9 @@ def short_lab(path: Path) -> Path:
 
 
 def reordered_lab(path: Path) -> Path:
-    """The same fleet told the other way round: the logger first, the last robot first, each driver under its robot."""
+    """Write the short lab in reverse: logger first, last robot first, controllers below their robots; return the
+    path.
+    """
     lab = tomllib.loads(short_lab(path).read_text())
     robots = [_robot(each) for each in reversed(lab["robot"])]
     run = "".join(f"{key} = {value!r}\n" for key, value in lab["run"].items())

@@ -19,15 +19,15 @@ from tests.harness.command_line import CommandLine, CommandResult
 from tests.system.short_fleets import without_logger
 
 BRIEF = (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 "), ("at = 22\n", "at = 9\n"))
-"""What makes the fleets' exercise a brief one."""
+"""Replacements that shorten the fleets' exercise."""
 
 
 LAWS = {"arm": ("default", 200), "arm_tutorial": ("tutorial", 50)}
-"""Of other fleets than the first: the law and the rate [Hz] that they get, by the fleet that they are made from."""
+"""Law and rate [Hz] of the other fleets, by the fleet from which they are made."""
 
 
 class Run:
-    """A fleet's run to its report, in a folder of its own."""
+    """A complete run of a fleet, in a folder of its own."""
 
     def __init__(self, folder: Path, fleet: str | Path) -> None:
         self.results = folder / "results"
@@ -40,7 +40,7 @@ class Run:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Future[Run]]]:
-    """All side by side: each mostly waits while it starts and ends."""
+    """All runs in parallel, as each mostly waits while it starts and ends."""
     folder = tmp_path_factory.mktemp("arm")
     for name in ("first", *LAWS):
         (folder / name).mkdir()
@@ -50,7 +50,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Futu
 
 
 def brief(path: Path, fleet: str) -> Path:
-    """A fleet with a brief exercise that nobody records, and with its law and rate of LAWS."""
+    """Write a fleet with a short exercise, without a logger, and with its law and rate in LAWS; return the path."""
     text, (law, rate) = without_logger(find_fleet(fleet)), LAWS[fleet]
     own = '{ kind = "arm", parameters = { law = "tutorial" } }' if law == "tutorial" else '{ kind = "arm" }'
     for old, new in (*BRIEF, (own, f'{{ kind = "arm", parameters = {{ law = "{law}", rate = {rate} }} }}')):
@@ -66,7 +66,7 @@ def first(runs: Mapping[str, Future[Run]]) -> Run:
 
 
 def holds(run: Run, end: float = 23) -> None:
-    """What the fleet promises; its exercise is over within the second after ``end``."""
+    """Assert the fleet's bounds, and that its exercise ends within the second after ``end`` [s]."""
     assert run.ended.status == 0, run.ended.err
     arm = run.arm
     assert run.report["run"]["ended"] == "goals"
@@ -93,7 +93,7 @@ def test_its_report_fits_the_schema_and_has_a_picture(first: Run) -> None:
 
 
 def test_other_rates_and_the_tutorials_laws(runs: Mapping[str, Future[Run]], first: Run) -> None:
-    """The tutorial's laws are no better than the default; tests/services/arm compares both at every rate."""
+    """The tutorial's laws are no better than the default law; tests/services/arm compares both at every rate."""
     for fleet, (law, rate) in LAWS.items():
         with case(fleet):
             other = runs[fleet].result()

@@ -1,6 +1,6 @@
-"""Command lines, fleet files and circumstances that cannot work: exit status 2 at once, and what to do about it.
+"""Invalid command lines, fleet files and conditions: exit status 2 at once, with the remedy.
 
-What may work later, as it does when the other ends, has a status of its own.
+A conflict that may go away, for example when the other fleet ends, has an exit status of its own.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A network full of nonsense: on the topics that services read, on their own keys, and among their tokens."""
+"""Invalid data on the network: on the topics that services read, on internal keys, and among liveliness tokens."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def driver(running: TwoRobotSimulation) -> Process:
 
 @pytest.fixture(scope="module")
 def session(running: TwoRobotSimulation) -> Iterator[zenoh.Session]:
-    """A foreign session that those whom it will bother can hear: what is put before its links are up is lost."""
+    """A foreign session, once its links to the services are up: earlier messages would be lost."""
     with external_client(running.network.endpoint) as made:
         for key in ("tb3_0/e_stop", "tb3_0/goal_pose", "tb3_0/cmd_vel"):
             publisher = made.declare_publisher(key)
@@ -68,7 +68,7 @@ def session(running: TwoRobotSimulation) -> Iterator[zenoh.Session]:
 
 @pytest.fixture(autouse=True)
 def _all_live(running: TwoRobotSimulation, driver: Process) -> Iterator[None]:
-    """Every process runs."""
+    """Assert after each test that every process still runs."""
     yield
     for process in (running.sim, running.reset_monitor, running.network.router, driver):
         assert process.status is None, process.text
@@ -77,7 +77,7 @@ def _all_live(running: TwoRobotSimulation, driver: Process) -> Iterator[None]:
 
 @pytest.fixture(scope="module", autouse=True)
 def _all_turn(running: TwoRobotSimulation, driver: Process) -> Iterator[None]:
-    """Every loop turns after all that the tests have sent."""
+    """Assert after all tests that every loop still runs."""
     yield
     for node in ("/sim", "/reset_monitor", "/tb3_0/waypoint"):
         before = running.health(node).ticks
@@ -85,7 +85,7 @@ def _all_turn(running: TwoRobotSimulation, driver: Process) -> Iterator[None]:
 
 
 def sessions(running: TwoRobotSimulation, node: str) -> list[str]:
-    """The sessions of a node, by its tokens."""
+    """Return the sessions of a node, from its tokens."""
     return [each.session for each in snapshot(running.node.transport) if each.node == node]
 
 
@@ -133,7 +133,7 @@ def test_garbage_on_goal_pose(running: TwoRobotSimulation, session: zenoh.Sessio
 
 
 def test_garbage_on_the_clock(running: TwoRobotSimulation, session: zenoh.Session) -> None:
-    """Nobody's time jumps, stops or begins again by it."""
+    """It makes no node's time jump, stop or restart."""
     resets = running.reset_monitor.text.count("reset:")
     before = running.truth["tb3_0"].wait_next().header.stamp.ns
     for payload in CLOCKS:

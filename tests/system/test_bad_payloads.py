@@ -22,7 +22,7 @@ from tests.system.two_robot_simulation import TwoRobotSimulation, two_robot_simu
 GOOD = msgpack.packb({"linear": {"x": 0.2}})
 KIND = "application/msgpack;geometry_msgs/Twist"
 GROWTH_MIB = 20.0
-"""Memory that the simulation may take for what it refuses; a hundred MiB are sent."""
+"""Limit of the simulation's memory growth [MiB] from rejected payloads; 100 MiB are sent."""
 
 
 def twist(value: Any) -> bytes:
@@ -79,7 +79,7 @@ def bases(running: TwoRobotSimulation) -> dict[str, MessageRecorder[Any]]:
 
 @pytest.fixture
 def unmoved(running: TwoRobotSimulation, bases: dict[str, MessageRecorder[Any]]) -> Iterator[None]:
-    """No robot obeys or moves in the test, and the simulation goes on; the next good command works then."""
+    """Assert that no robot obeyed or moved, that the simulation continues, and that the next valid command works."""
     before = {name: (bases[name].wait_next().commands, truth.wait_next()) for name, truth in running.truth.items()}
     yield
     for name, (commands, place) in before.items():
@@ -146,7 +146,7 @@ def put(session: zenoh.Session, payload: bytes, encoding: str | None) -> None:
 
 
 def counted(bases: dict[str, MessageRecorder[Any]], what: str, send: Any, count: int = 1) -> None:
-    """What ``send`` sends is so many more refusals in the state of the base."""
+    """Assert that ``send`` adds ``count`` rejections to the base's status."""
     base = bases["tb3_0"]
     refused = base.received()[-1].refused
     send()
@@ -154,12 +154,12 @@ def counted(bases: dict[str, MessageRecorder[Any]], what: str, send: Any, count:
 
 
 def health(running: TwoRobotSimulation) -> InputHealth:
-    """What the simulation's health tells of the commands of tb3_0."""
+    """Return the simulation's input health for the commands of tb3_0."""
     return next(each for each in running.health("/sim").inputs if each.topic == "/tb3_0/cmd_vel")
 
 
 def works(running: TwoRobotSimulation) -> None:
-    """A good command turns the robot on the spot."""
+    """Assert that a valid command turns the robot on the spot."""
     truth, commands = running.truth["tb3_0"], running.node.advertise(CMD_VEL, "/tb3_0/cmd_vel")
 
     def turns() -> bool:

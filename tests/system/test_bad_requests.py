@@ -1,4 +1,4 @@
-"""Requests that make no sense: each gets an error reply with its reason, and nothing is done."""
+"""Invalid requests: each gets an error reply with the reason and has no effect."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def session(running: TwoRobotSimulation) -> Iterator[zenoh.Session]:
 
 @pytest.fixture(autouse=True)
 def _nothing_is_done(running: TwoRobotSimulation) -> Iterator[None]:
-    """The same robots stand at the same places before and after, time goes on, in the same epoch."""
+    """Assert that robots and their poses are unchanged, and that time continues in the same epoch."""
     before = models(running)
     truth = running.truth["tb3_0"].wait_next()
     yield

@@ -1,4 +1,4 @@
-"""A recorded lab: every message once, the same for every reader, in the viewer, played back to the same commands."""
+"""A recorded lab: every message once, the same for all readers, viewable, and giving the same commands on playback."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ SECONDS = 3
 OPTIONS = ("--record", "--no-view", "--no-picture")
 ROBOTS = ("tb3_0", "tb3_1", "tb3_2", "tb3_3", "p3dx")
 SAMPLES = 8
-"""Messages of each topic that are compared field by field: the independent readers take a millisecond for each."""
+"""Number of messages of each topic that are compared field by field: the independent readers take 1 ms for each."""
 
 
 class Recorded:
-    """The run, its bag, and what our own reader finds in it."""
+    """The run, its bag, and the bag's messages as read by our own reader."""
 
     def __init__(self, terminal: CommandLine, results: Path) -> None:
         self.terminal, self.bag = terminal, results / "bag"
@@ -84,7 +84,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 
 def stop_recorder(endpoint: str) -> None:
-    """End the recording while all others are at work: what controllers say at their own end answers no input."""
+    """End the recording while all nodes still run: what controllers publish at their end is no response to an input."""
     identity = Identity.of("tester")
     with (
         ZenohTransport(configuration("direct", (endpoint,))) as transport,
@@ -115,7 +115,7 @@ def test_every_message_is_there_once(recorded: Recorded) -> None:
     for name in ROBOTS:
         for topic in (f"/{name}/{each}" for each in ("odom", "ground_truth", "joint_states", "cmd_vel")):
             rate = 25 if name.startswith("tb3") else 50
-            # One that was under way when the recording ended is of no tick, and of no period.
+            # A message in transit when the recording ended belongs to no tick and no period.
             for found, expected in (
                 (times[topic], told[topic].rate),
                 ([t for t in times[topic] if t % STEP_NS == 0], rate),
@@ -159,7 +159,7 @@ def test_two_other_readers_find_the_same_in_every_type(recorded: Recorded) -> No
 
 
 def test_the_viewer_opens_it(recorded: Recorded, tmp_path: Path) -> None:
-    """As it is, by the viewer's own importer: frames, joints, poses, bodies and log become what it can draw."""
+    """Unmodified, through the viewer's own importer: frames, joints, poses, bodies and log become displayable."""
     convert_bag(sorted(recorded.bag.glob("*.mcap")), tmp_path / "own.rrd")
     chunks = list(RrdReader(tmp_path / "own.rrd").stream())
     entities = {str(each.entity_path) for each in chunks}
@@ -188,15 +188,14 @@ def test_view_makes_a_picture_of_it(recorded: Recorded, tmp_path: Path) -> None:
     world = pixels[:, :1000]
     for name, colour in colours((*ROBOTS, "arm")).items():
         if name == "arm":
-            continue  # it leaves no trail
+            continue  # it has no trail
         assert (np.abs(world - colour).max(axis=2) < 12).sum() > 40, name
 
 
 def test_played_back_it_makes_the_same_commands(recorded: Recorded, tmp_path: Path) -> None:
-    """Real controllers, told what was recorded in lockstep, do as they did: bit for bit, tick for tick.
+    """Real controllers, fed with the recorded messages in lockstep, give the same commands bit for bit, tick for tick.
 
-    The arm is told by a reference that runs beside it, so its efforts repeat only with the latency of the lab: by its
-    own file, 1.
+    The arm's reference runs with it, so its efforts repeat only with the lab's latency, which is 1 in its file.
     """
     schedule = [msgspec.to_builtins(each) for each in read_fleet(recorded.terminal.folder / "lab.toml").change]
     members: dict[str, dict[str, object]] = {"/params": {"schedule": schedule}}
@@ -225,7 +224,7 @@ def test_played_back_it_makes_the_same_commands(recorded: Recorded, tmp_path: Pa
 
 
 def stated(recorded: Recorded, node: str) -> dict[str, object]:
-    """What the lab's file and its model gave a node, as its parameter service told it when the run began."""
+    """Return a node's parameters from the lab's file and its model, as published at the start of the run."""
     service = load_service(node.rpartition("/")[2])
     name = f"{service.parameter_set or node}/parameter_updates"
     first = next(each for entry, each in recorded.messages if entry.channel.topic == name)
@@ -239,16 +238,16 @@ def options(parameters: dict[str, object]) -> list[str]:
 
 
 def told(bag: Path, topic: str) -> list[tuple[int, bytes]]:
-    """When each command counted, and its bytes: all that did at one of the recorder's ticks, to the last.
+    """Return time [ns] and bytes of each command that took effect at a tick.
 
-    What was still under way is in the bag, too, with a time after its last tick: it is that of no step.
+    Messages in transit at the end are in the bag, too, with times after its last tick that are no step's.
     """
     found = [(each.publish_time, each.data) for each in open_bag(bag).entries() if each.channel.topic == topic]
     return [each for each in found if each[0] % STEP_NS == 0]
 
 
 def test_nothing_is_lost_between_bus_and_bag(recorded: Recorded) -> None:
-    """Each record is decoded to one of its own type; what no type has a place for would have been counted."""
+    """Each message decodes to its own type; fields without a place in the type would have been counted."""
     assert "no place" not in recorded.log
     kinds = {type(message) for _, message in recorded.messages if message is not None}
     assert len(kinds) >= 14

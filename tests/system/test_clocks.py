@@ -1,4 +1,4 @@
-"""Commands to a real simulation from a clock that is set, differs or lies, and commands that were delayed."""
+"""Commands to a real simulation stamped by a clock that is stepped, offset or wrong, and delayed commands."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ HOUR = 3600.0
 PERIOD_S = 0.02
 COMMAND = encode(Twist.planar(0.1, 0.0))
 ENOUGH = 10
-"""Commands that are obeyed by whom the base obeys again."""
+"""Number of obeyed commands after which the base counts as obeying again."""
 AT_ONCE = 10
-"""Commands that a link holds at once: of more than 16, it drops some while the machine is busy."""
+"""Number of commands held back at once: of more than 16, a link drops some on a busy machine."""
 
 
 class Commander:
-    """Commands tb3_0 to drive, at 50 Hz, with the stamps of a clock that is ``off`` [s]."""
+    """Commands tb3_0 to drive, at 50 Hz, stamped by a clock with the offset ``off`` [s]."""
 
     def __init__(self, node: Node, life: str) -> None:
         self.off, self._sent, self._due = 0.0, 0, 0.0
@@ -50,7 +50,7 @@ class Commander:
 
     @property
     def base(self) -> BaseStatus:
-        """What the base last said."""
+        """The latest base status."""
         return self.status.received()[-1]
 
     @property
@@ -58,13 +58,13 @@ class Commander:
         return speed(self._truth.received()[-1])
 
     def send(self, off: float | None = None, made: float | None = None) -> None:
-        """One command, stamped as if it had been sent at ``made`` [s since the epoch], by default now."""
+        """Send one command, stamped as if sent at ``made`` [s since the epoch], by default now."""
         self._sent += 1
         stamp = (time.time() if made is None else made) + (self.off if off is None else off)
         self._out.put(COMMAND, attachment=struct.pack("<qqB16s", self._sent, round(stamp * 1e9), 16, self._id))
 
     def drive(self, probe: Callable[[], object], what: str) -> None:
-        """Send at 50 Hz until something is so."""
+        """Send at 50 Hz until a condition holds."""
 
         def step() -> object:
             if time.monotonic() >= self._due:
@@ -75,12 +75,12 @@ class Commander:
         wait_until(step, WITHIN_S, what)
 
     def obeyed(self, what: str) -> None:
-        """Drive until the robot does as it is told, from now on."""
+        """Drive until the robot obeys the commands sent from now on."""
         taken = self.base.commands
         self.drive(lambda: self.base.commands > taken + ENOUGH and self.speed > 0.09, f"a robot that drives: {what}")
 
     def stand(self) -> None:
-        """Until it stands, as nobody commands it."""
+        """Wait until the robot stands still without commands."""
         wait_until(lambda: abs(self.speed) < 1e-3, WITHIN_S, "a robot that stands")
 
 
@@ -108,7 +108,7 @@ def test_a_first_stamp_an_hour_ahead_and_wrong_ones_later_lock_nobody_out(runnin
 
 
 def test_what_was_held_up_is_not_obeyed(running: TwoRobotSimulation) -> None:
-    """Two seconds of commands, by one that is known and by one that is not, come faster than they were made."""
+    """Two seconds of commands, from a known and from an unknown publisher, arrive faster than they were made."""
     with Commander(running.node, "3") as known, Commander(running.node, "4") as unknown:
         known.obeyed("all is well")
         known.stand()

@@ -1,4 +1,4 @@
-"""A controller of ros_control on an arm of the user's own, in a real fleet in lockstep: twice the same, bit for bit."""
+"""A ros_control controller on a user's arm, in a real fleet in lockstep: two runs are identical bit for bit."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ arm_controller:
 
 
 def run(terminal: CommandLine, name: str) -> dict[str, float]:
-    """The values of the checks that the client stated."""
+    """Run the fleet and return the values of the client's checks."""
     fleet, results = terminal.folder / "fleet.toml", terminal.folder / name
     ended = terminal.run_fleet(fleet, results, "--json", "--no-saved", "--no-picture")
     assert ended.status == 0, ended.err + ended.out

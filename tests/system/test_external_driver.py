@@ -1,4 +1,4 @@
-"""A program with Zenoh and MessagePack alone drives a robot of the bare fleet; its silence stops the robot in time."""
+"""A program with only Zenoh and MessagePack drives a robot of the bare fleet; its silence stops the robot in time."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from tests.harness.waiting import wait_until
 
 PROGRAM = Path(__file__).with_name("external_driver.py")
 TIMEOUT_S, STEP_S = 0.25, 0.005
-"""The base's command timeout and the physics step, simulation time."""
+"""The base's command time-out and the physics step [s, simulation time]."""
 TRIES = 4
-"""Drives, until one is without a pause and seen whole."""
+"""Number of drives within which one must be without a pause and completely observed."""
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def bare_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLine
 
 @pytest.fixture(scope="module", autouse=True)
 def second_fleet(bare_fleet: CommandLine) -> Iterator[subprocess.Popen[str]]:
-    """Another fleet on the same port: it waits a second for the other to end, beside the first test."""
+    """Another fleet on the same port, which waits a second for the first to end while the first test runs."""
     second = bare_fleet.start_fleet("lab", bare_fleet.folder / "second", "--duration", "1")
     yield second
     if second.returncode is None:
@@ -90,7 +90,7 @@ def test_it_drives_and_its_silence_stops_the_robot(bare_fleet: CommandLine, node
     still = first(samples, slower, lambda v: v < 1e-3)
     wheels = read_model("burger").wheels
     assert wheels is not None
-    # Both ramps are straight, so a sample on each tells when it began.
+    # Both ramps are linear, so one sample on each gives its start.
     obeyed = time_of(samples[faster]) - (speed(samples[faster]) - 0.1) / wheels.acceleration
     brakes = time_of(samples[slower]) - (0.2 - speed(samples[slower])) / wheels.brake
     assert brakes - obeyed == pytest.approx(TIMEOUT_S + STEP_S, abs=STEP_S)
@@ -137,9 +137,9 @@ def test_a_second_fleet_is_told_who_holds_the_port(
 def drive(
     bare_fleet: CommandLine, node: Node, truth: GroundTruthRecorder, bases: MessageRecorder[BaseStatus]
 ) -> tuple[int, list[Odometry]]:
-    """Commands sent in all, and a drive from the start to standstill.
+    """Return the number of commands sent, and the samples of a drive from start to standstill.
 
-    One in which a busy machine kept the program from commanding in time, or samples from us, is made again.
+    A drive in which a busy machine delayed commands or lost samples is repeated.
     """
     sent = 0
     for _ in range(TRIES):
@@ -155,7 +155,7 @@ def drive(
 
 
 def run(bare_fleet: CommandLine) -> str:
-    """What the foreign program prints; it sees nothing of the project."""
+    """Run the foreign program, without access to the project, and return its output."""
     config = bare_fleet.folder / "zenoh.json5"
     endpoint = f"tcp/127.0.0.1:{bare_fleet.port}"
     config.write_text(json.dumps({"mode": "client", "connect": {"endpoints": [endpoint]}}))
@@ -173,5 +173,5 @@ def run(bare_fleet: CommandLine) -> str:
 
 
 def first(samples: list[Odometry], begin: int, meets: Callable[[float], bool]) -> int:
-    """Index of the first sample from ``begin`` whose speed ``meets`` a condition."""
+    """Return the index of the first sample from ``begin`` on whose speed ``meets`` a condition."""
     return next(index for index in range(begin, len(samples)) if meets(speed(samples[index])))

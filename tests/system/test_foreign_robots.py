@@ -1,4 +1,4 @@
-"""Robots from anywhere, a differential one and a skid-steered one, drive through points and are graded."""
+"""Imported robots, one differential and one skid-steered, drive through points and are graded."""
 
 from __future__ import annotations
 

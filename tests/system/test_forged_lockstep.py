@@ -1,4 +1,4 @@
-"""Lockstep among strangers who know every session: forged Gos, Dones, tokens and samples on a real fleet."""
+"""Lockstep with an intruder that knows every session: forged grants, reports, tokens and samples on a real fleet."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ WAYPOINT, SIM = "/r/waypoint", "/sim"
 START_S, RUN_S = 60.0, 150.0
 FAR = 2**62
 REFUSED = ((WAYPOINT, "lockstep: Go"), (SIM, "lockstep: Done"), (SIM, "/r/cmd_vel"))
-"""Whose health counts what was forged, and under which name."""
+"""The nodes whose health counts forged messages, with the name of each count."""
 EVERY = 25
-"""Messages of the clock between two rounds of what is forged: half a second of simulation time."""
+"""Clock messages between two rounds of forgeries: half a second of simulation time."""
 
 
 class Forger:
-    """A stranger in a fleet: it sees all tokens and heartbeats, and may send what it likes."""
+    """An intruder in a fleet, which sees all tokens and heartbeats and may send anything."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self.session, self.own = session, str(session.zid())
@@ -64,7 +64,7 @@ class Forger:
         self.clocks += 1
 
     def sessions(self, kind: str) -> dict[str, str]:
-        """The session of each node that shows a token of this kind, but for the forger's own."""
+        """Return the session of each node with a token of this kind, except the forger's own."""
         keys = [str(reply.ok.key_expr) for reply in self.session.liveliness().get(EVERYTHING, timeout=5.0) if reply.ok]
         found = [entity for entity in map(Entity.parse, keys) if entity is not None]
         return {each.node: each.session for each in found if each.kind == kind and each.session != self.own}
@@ -78,22 +78,22 @@ class Forger:
         self._tokens = []
 
     def refused(self, node: str, name: str) -> int:
-        """What a node's health says of what it refused under this name."""
+        """Return a node's count of rejected messages under this name, from its health."""
         beat = self.beats.get(node)
         return next((each.refused for each in beat.inputs if each.topic == name), 0) if beat else 0
 
     def ask(self, key: str, request: dict[str, Any]) -> None:
-        """Make a request, as any tool may."""
+        """Send a request, as any tool may."""
         (reply,) = self.session.get(key, payload=msgpack.packb(request), timeout=30.0)
         assert reply.ok, reply.err
 
     def await_health(self, nodes: set[str]) -> None:
-        """Wait for one more heartbeat of each."""
+        """Wait for another heartbeat of each node."""
         before = {node: self.beats.get(node) for node in nodes}
         wait_until(lambda: all(self.beats.get(node) is not before[node] for node in nodes), RUN_S, "health")
 
     def attack(self, sim: str, members: dict[str, str]) -> None:
-        """One round of all that a stranger may say; each of it by the rules of the wire."""
+        """Send one round of all forgeries, each well-formed on the wire."""
         for node, member in members.items():
             for simulation in (sim, self.own, "feed", "", "a?b", "a/b", "*", "x" * 99):
                 for rest in (
@@ -118,7 +118,7 @@ class Forger:
                 Entity(self.own, "node", node, "waypoint"),
                 Entity(self.own, "sub", node, "/r/odom", "-", "SENSOR"),
                 Entity(self.own, "step", node, detail="5000000"),
-                # The same of the victim itself, which come and go beside its own.
+                # The same in the victim's name, appearing and disappearing beside its own.
                 Entity(member, "step", node, detail="7"),
                 Entity(member, "node", node, "nothing"),
                 Entity(member, "sub", node, "/r/odom", "-", "-"),
@@ -140,7 +140,7 @@ class Forger:
 def run(
     folder: Path, name: str, disturb: Callable[[Forger, Callable[[], bool]], None], laps: int = 1
 ) -> tuple[int, Any, str]:
-    """A run with a stranger in it: exit status, report, and all logs."""
+    """Run a fleet with an intruder; return exit status, report, and all logs."""
     terminal = CommandLine(folder)
     (folder / f"{name}.toml").write_text(FLEET.replace("goals = [[", f"laps = {laps}, goals = [["))
     results = folder / name
@@ -188,7 +188,7 @@ def test_what_strangers_say_changes_nothing_and_is_counted(tmp_path: Path) -> No
         wait_until(lambda: {WAYPOINT, "/grader", "/params"} <= forger.sessions("step").keys(), START_S, "the members")
         sim = forger.sessions("node")[SIM]
         members = forger.sessions("step")
-        # Until health has said what was refused, time goes on only as it is asked to, however fast the machine is.
+        # Until the health reports the rejections, time advances only on request, however fast the machine is.
         forger.ask("sim/pause", {})
         while not all(forger.refused(node, name) for node, name in REFUSED):
             forger.attack(sim, members)
@@ -219,7 +219,7 @@ def test_what_strangers_say_changes_nothing_and_is_counted(tmp_path: Path) -> No
 def test_a_member_that_dies_makes_the_report_say_so(tmp_path: Path) -> None:
     def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
         wait_until(lambda: forger.clocks > EVERY, START_S, "time to go on")
-        # However slow this process is, the run is not over before it has killed.
+        # However slow this process is, the run doesn't end before the kill.
         forger.ask("sim/pause", {})
         state = json.loads((tmp_path / "killed" / "processes.json").read_text())
         (pid,) = (each["pid"] for each in state["processes"] if each["name"] == WAYPOINT.strip("/"))

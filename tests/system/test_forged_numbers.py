@@ -1,4 +1,4 @@
-"""Sample numbers forged in another node's name on a running fleet: no node is silenced, and none ends."""
+"""Sequence numbers forged in another node's name on a running fleet: no node is silenced or ended."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NODES = {"/grader", "/params", "/router", "/sim", "/supervisor"}
 
 
 class ForgedFleet:
-    """A fleet of two robots, a node that looks on and commands, and a session that forges."""
+    """A fleet of two robots, a node that observes and commands, and a session that forges."""
 
     def __init__(self, running: BackgroundFleet, node: Node, session: zenoh.Session) -> None:
         self.running, self.node, self._session = running, node, session
@@ -46,18 +46,18 @@ class ForgedFleet:
         self.fleet: MessageRecorder[FleetState] = MessageRecorder(node.subscribe(FLEET_STATE))
 
     def forge(self, topic: Topic[object], key: str, publisher: bytes, number: int, payload: bytes, ahead: int) -> None:
-        """Put a sample in a publisher's name, with any number, ``ahead`` [ns] of the time."""
+        """Put a sample in a publisher's name, with any number, stamped ``ahead`` [ns] of now."""
         beside = struct.pack("<qqB16s", number, time.time_ns() + ahead, 16, publisher)
         self._session.put(key, payload, encoding=encoding(topic.record.ROS_TYPE), attachment=beside)
 
     def heard(self, topic: str) -> int:
-        """How many samples on a topic the simulation has counted, of whatever kind."""
+        """Return how many samples on a topic the simulation has counted: received, rejected or repeated."""
         inputs = ask_health(self.node.transport, "/sim").inputs
         count = next((each for each in inputs if each.topic == topic), InputHealth())
         return count.received + count.refused + count.repeated
 
     def survives(self, tried: dict[Publisher[Any], Callable[[int], None]]) -> None:
-        """After each forged sample on each output, the next true one counts; ``tried[output](i)`` sends and looks."""
+        """Assert that after each forgery the next genuine sample counts; ``tried[output](i)`` sends one and checks."""
         for works in tried.values():
             works(0)
         for turn in range(1, 7):
@@ -78,7 +78,7 @@ class ForgedFleet:
                 works(turn)
 
     def all_beat(self, times: int, since: int = 0) -> None:
-        """Each node of the fleet beats so often after the first ``since`` heartbeats of all."""
+        """Wait for ``times`` heartbeats of each node, after the first ``since`` of all nodes together."""
 
         def enough() -> bool:
             heard = [each.node for each in self.beats.received()[since:]]
@@ -120,7 +120,7 @@ def test_stops_and_commands_are_heard_after_forged_numbers_and_forged_heartbeats
             wait_until(lambda w=wanted: scene.base.wait_next().e_stopped is w, WITHIN_S, f"e_stop {wanted}")  # type: ignore[misc]
 
     def taken() -> int:
-        """Commands that the base was given; how old it thinks them is another matter than their numbers."""
+        """Return the number of commands that reached the base, whether accepted or dropped as stale."""
         status = scene.base.wait_next()
         return status.commands + status.stale_dropped
 
@@ -141,7 +141,7 @@ def test_stops_and_commands_are_heard_after_forged_numbers_and_forged_heartbeats
 
 
 def forge_heartbeats(scene: ForgedFleet) -> None:
-    """Send heartbeats and commands of nobody, and heartbeats in the names of all nodes of the fleet."""
+    """Send heartbeats and commands of a nonexistent node, and heartbeats in the names of all nodes of the fleet."""
     good = encode(Health(node="/nobody", pid=1))
     for topic, key, payload in ((HEALTH, "health", good), (CMD_VEL, "tb3_1/cmd_vel", encode(Twist()))):
         for forged in range(3):

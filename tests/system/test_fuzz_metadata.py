@@ -1,7 +1,7 @@
-"""Twenty thousand cases of what travels beside payloads: numbers, stamps, ids, encodings, tokens, Go, Done, requests.
+"""20,000 fuzz cases of message metadata: numbers, stamps, ids, encodings, tokens, lockstep grants, reports, requests.
 
-A stranger sends them to a fleet under its supervisor. No process ends, no robot moves, and after every burst the true
-commander and the true stop are heard; what was refused is counted where ``doctor`` shows it.
+An intruder sends them to a supervised fleet. No process ends, no robot moves, and after every burst genuine commands
+and stops are received; rejections are counted where ``doctor`` shows them.
 """
 
 from __future__ import annotations
@@ -51,15 +51,15 @@ from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, Messag
 from tests.harness.waiting import wait_until
 
 BURSTS, DRAWN, VICTIMS, TIMES = 100, 20, 5, 2
-"""Together 20,000 cases: each that is drawn is aimed at five topics, senders or services in turn, twice at each."""
+"""Together 20,000 cases: each case drawn is aimed at five topics, publishers or services in turn, twice at each."""
 EVERY = 10
-"""Bursts between two looks at whether the true commander is heard: each takes a second of simulation time."""
+"""Bursts between two checks that genuine commands arrive; a check takes a second of simulation time."""
 MUTED = 7
-"""Commands of 25 Hz within the time-out of 0.25 s: no forgery keeps more of them from the base."""
+"""Commands at 25 Hz within the time-out of 0.25 s: a forgery may suppress no more than these."""
 STOOD_M = 0.01
-"""A robot that nobody drives stays within this distance of its place."""
+"""Distance [m] within which a robot without commands must stay."""
 GROWN_MIB = 150
-"""What strangers may make a process keep: its bounded queues and rings."""
+"""Memory growth [MiB] that an intruder may cause in a process: its bounded queues and rings."""
 
 FLEET = """
 name = "fuzzed"
@@ -80,7 +80,7 @@ pose = { x = 0.0, y = 1.0 }
 services = [{ kind = "waypoint" }]
 """
 
-# Not goal_pose: a goal is obeyed, whoever sends it, and without fields it is the origin.
+# Not goal_pose: a goal from any sender is obeyed, and one without fields is the origin.
 TOPICS: tuple[tuple[str, Topic[Any]], ...] = (
     ("/tb3_0/cmd_vel", CMD_VEL),
     ("/tb3_1/cmd_vel", CMD_VEL),
@@ -99,7 +99,7 @@ REQUESTS = ("sim/get_state", "sim/spawn", "sim/list", "params/set", "params/list
 int64 = st.one_of(st.integers(-(2**63), 2**63 - 1), st.integers(0, 300), st.integers(2**20 - 2, 2**20 + 400))
 ahead = st.one_of(st.integers(-(2**62), 2**62), st.sampled_from([0, 0, 3600 * 10**9, -3600 * 10**9, 10**6]))
 words = st.text(st.characters(exclude_characters="/*$#?\0", exclude_categories=("Cs",)), min_size=1, max_size=12)
-"""What Zenoh takes for a chunk of a key."""
+"""Valid chunks of a Zenoh key."""
 garbage = st.sampled_from([b"", b"\xc1", b"\x80", b"\x81\xa4data", b"\xff" * 60, b"\xdc\xff\xff"])
 nested = st.recursive(
     st.one_of(st.none(), st.booleans(), int64, st.binary(max_size=20), words),
@@ -109,7 +109,7 @@ nested = st.recursive(
 
 
 class Sample(NamedTuple):
-    """A sample on a topic. ``sender`` chooses a victim, or nobody; without a payload it has one that moves none."""
+    """A sample on a topic. ``sender`` selects a victim, or none; without a payload it gets one that moves no robot."""
 
     topic: int
     sender: int
@@ -125,7 +125,7 @@ class Sample(NamedTuple):
 
 
 class Token(NamedTuple):
-    """A liveliness token in another's name or session, or in none's."""
+    """A liveliness token with another node's name or session, or with a nonexistent one."""
 
     kind: str
     sender: int
@@ -137,7 +137,7 @@ class Token(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A Go to a node, or a Done to the simulation."""
+    """A lockstep grant to a node, or a report to the simulation."""
 
     go: bool
     sender: int
@@ -148,7 +148,7 @@ class Step(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """A request of a size; 0 repeats asks with no payload at all."""
+    """A request of some size; with 0 repeats it has no payload."""
 
     key: int
     size: int
@@ -188,7 +188,7 @@ cases = st.one_of(
 
 
 class FuzzedFleet:
-    """A fleet, the true commander of its first robot, and a stranger who knows all names, sessions and ids."""
+    """A fleet, the genuine controller of its first robot, and an intruder that knows all names, sessions and ids."""
 
     def __init__(self, running: BackgroundFleet, node: Node, session: zenoh.Session) -> None:
         self.running, self.node, self.session = running, node, session
@@ -207,7 +207,7 @@ class FuzzedFleet:
         self.memory = {name: self._mib(pid) for name, pid in self.pids.items()}
 
     def act(self, case: Sample | Token | Step | Asked) -> None:
-        """Send a case; what Zenoh itself refuses to send is none."""
+        """Send a case; one that Zenoh itself refuses to send is skipped."""
         try:
             match case:
                 case Sample():
@@ -227,11 +227,11 @@ class FuzzedFleet:
             pass
 
     def stands(self) -> None:
-        """No process has ended or was restarted, and no robot has moved."""
+        """Assert that no process has ended or restarted and no robot has moved."""
         self.node.spin_once()
         self.node.update_subscribers()
         for state, _ in self.fleet.messages:
-            # A forged state names no process of the fleet.
+            # A forged fleet state names no process of the fleet.
             for each in state.processes:
                 assert each.state == "ready", f"{each.name}: {each.state}, {each.reason}"
                 assert each.restarts == 0, f"{each.name}: {each.reason}"
@@ -240,7 +240,7 @@ class FuzzedFleet:
             assert distance(truth.received()[-1], place) < STOOD_M
 
     def is_heard(self) -> None:
-        """Within one time-out the true commander is heard; the true stop is heard at once, and its end."""
+        """Assert that genuine commands arrive within one time-out, and a genuine stop and its reset at once."""
         before = self._offered()
         for _ in range(MUTED):
             self.command.publish(Twist())
@@ -251,7 +251,7 @@ class FuzzedFleet:
             wait_until(lambda w=wanted: self.base.wait_next().e_stopped is w, WITHIN_S, f"e_stop {wanted}")  # type: ignore[misc]
 
     def ends_well(self) -> None:
-        """Every process is the one that began, of a bounded size; what was refused is counted where it is shown."""
+        """Assert that every process is still the first one, of bounded size, and that the health counts rejections."""
         self._repeat()
         self.beats = {}
         wait_until(self._all_beat, WITHIN_S, "the heartbeats of all processes")
@@ -270,7 +270,7 @@ class FuzzedFleet:
         assert "requests were refused" in told
 
     def _repeat(self) -> None:
-        """Send the last command of the true commander again, in its name, with a time before its own."""
+        """Repeat the genuine controller's last command, in its name, with an earlier time."""
         stamp = time.time_ns() - 60 * 10**9
         beside = struct.pack("<qqB16s", self.command.sent, stamp, 16, self.command.publisher)
         kind = encoding(CMD_VEL.record.ROS_TYPE)

@@ -1,4 +1,4 @@
-"""Heartbeats during a flood of data on the same link: all arrive, so no healthy process looks hung."""
+"""Heartbeats during a flood of data on the same link: all arrive, so no healthy process appears hung."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The main job, whole: the lab fleet from the command line, its report, its repeatability and its recording."""
+"""The main use case as a whole: the lab fleet from the command line, its report, repeatability and recording."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ROBOT_KEYS = {
 
 
 class LabRun:
-    """One run of the lab on a short way."""
+    """A run of the shortened lab."""
 
     def __init__(self, ended: CommandResult, results: Path) -> None:
         self.ended, self.results = ended, results
@@ -45,7 +45,7 @@ class LabRun:
 
     @property
     def log(self) -> str:
-        """What its processes wrote."""
+        """The logs of all its processes."""
         return "".join(each.read_text() for each in sorted((self.results / "logs").iterdir()))
 
 
@@ -93,7 +93,7 @@ def test_the_pioneer_drives_its_square_beside_them_and_meets_nobody(first: LabRu
 
 
 def test_the_arm_does_its_exercise_beside_them(first: LabRun) -> None:
-    """With latency it acts on what it saw a tick before, so its rise is steeper than alone."""
+    """With latency it acts on the state of the previous tick, so its rise is steeper than alone."""
     arm = first.report["robots"]["arm"]
     assert arm["step_final_deg"] == pytest.approx(29.63, abs=0.05)
     assert arm["step_overshoot_percent"] < 1.0
@@ -124,7 +124,7 @@ def test_neither_load_nor_another_order_changes_anything(terminal: CommandLine, 
 
 
 def same(one: LabRun, other: LabRun) -> None:
-    """Both runs, bit for bit, and nothing lost in either."""
+    """Assert that both runs are identical bit for bit, without lost messages or restarts."""
     assert other.run["messages_lost"] == one.run["messages_lost"] == 0, other.ended.err
     assert other.run["restarts"] == one.run["restarts"] == 0, other.ended.err
     assert other.run["trajectory_hash"] == one.run["trajectory_hash"], other.ended.err + other.log
@@ -169,5 +169,5 @@ def test_the_recording_opens_in_the_viewer(first: LabRun, tmp_path: Path) -> Non
     assert pixels.std() > 5
     for name, colour in colours(ALL).items():
         if name == "arm":
-            continue  # it leaves no trail
+            continue  # it has no trail
         assert (np.abs(pixels - np.array(colour)).max(axis=2) < 25).sum() > 100, f"nothing drawn in {colour}"

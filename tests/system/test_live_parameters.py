@@ -1,4 +1,4 @@
-"""Parameters of a whole fleet while it runs, in real processes: followed, kept, given back, refused, and repeatable."""
+"""Live parameters of a whole fleet in real processes: applied, saved, restored, rejected, and repeatable."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def processes(results: Path) -> dict[str, int]:
 
 
 def log(results: Path) -> str:
-    """What the waypoint service has written."""
+    """Return the waypoint service's log."""
     file = results / "logs" / "r.waypoint.log"
     return file.read_text() if file.exists() else ""
 
@@ -107,7 +107,7 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
         t.set(PILOT, run=True, max_linear=0.15)
         t.wait_for_speed(0.15)
 
-        # A service that comes back gets the values of its run; the parameter service gets them back from it.
+        # A restarted service gets the values of its run; a restarted parameter service gets them from the services.
         t.node.call(SUPERVISOR_RESTART, Name(name="r/waypoint"))
         wait_until(lambda: "max_linear = 0.15 (run)" in log(results), 30)
         t.wait_for_speed(0.15)
@@ -126,7 +126,7 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
             "a new plan",
         )
 
-        # What contradicts itself is taken back for all; so is nothing of a stranger's.
+        # A contradictory change is undone for all subscribers; no value of a foreign node is applied.
         for wrong, says in (({"linear__min_velocity": 0.1}, "out of bounds"), ({"wheel_pid__p": 1.0}, "cannot change")):
             with pytest.raises(CallFailed, match=says):
                 t.set(BASE, **wrong)
@@ -140,7 +140,7 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
         )
         wait_until(lambda: t.rejected_samples(PILOT, f"{PILOT}/parameter_updates"), 10)
 
-        # One owner of a base's values, whoever asks.
+        # A base's values have one owner, whichever request changes them.
         t.node.call(SET_DRIVE, DriveSettings(name="r", wheel_separation_multiplier=1.1))
         assert t.get(BASE)["wheel_separation_multiplier"] == (1.1, "run")
         t.set(BASE, run=True, wheel_separation_multiplier=1.2)
@@ -152,7 +152,7 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
         with pytest.raises(CallFailed, match="cannot change while"):
             t.set(BASE, wheel_radius=0.1)
 
-        # A square goes on at another speed, the joints of an arm resist more, and time runs slower.
+        # A square continues at another speed, an arm's joint friction rises, and time runs slower.
         t.wait_for_speed(0.2, "s", within=0.02)
         t.set(SQUARE, linear_speed=0.4)
         t.wait_for_speed(0.4, "s", within=0.02)
@@ -201,7 +201,7 @@ def test_a_run_in_lockstep_repeats_with_its_changes_and_without_what_is_saved(te
     assert one["parameters"][JOINTS] == {"damping": {"value": 5.0, "origin": "run"}}
     assert one["notes"] == other["notes"]
     assert [each for each in one["notes"] if not each.startswith("Odometry")] == []
-    # 0.2 m/s from 0 to 1.5 s, 0.1 to 2 s, then 0.05; within what it takes to set off.
+    # 0.2 m/s until 1.5 s, 0.1 m/s until 2 s, then 0.05 m/s; less the acceleration phase.
     assert 0.34 < one["robots"]["r"]["path_length_m"] < 0.39
     assert (terminal.folder / "own.db").exists()
     assert not (terminal.folder / "params").exists()

@@ -1,4 +1,4 @@
-"""A robot of the user's in a real fleet: read-only, outside the checkout, shown, recorded, and joined by another."""
+"""A user's robot in a real fleet: read-only, outside the checkout, shown, recorded, and joined by a spawned one."""
 
 from __future__ import annotations
 

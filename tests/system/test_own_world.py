@@ -1,4 +1,4 @@
-"""A world of the user's in a real fleet, outside the checkout: it repeats bit for bit, and its bag shows what moved."""
+"""A user's world, outside the checkout, in a real fleet: it repeats bit for bit, and its bag has the moving bodies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests to a running simulation: time stops and steps exactly, models come and go, everything is reset."""
+"""Requests to a running simulation: time pauses and steps exactly, models are spawned and deleted, all is reset."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.system.two_robot_simulation import STARTS, TwoRobotSimulation, two_ro
 
 @pytest.fixture(scope="module", params=["real", "lockstep"])
 def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimulation]:
-    """A world with a reset monitor; in lockstep the reset monitor is a member."""
+    """A simulation with a reset monitor, which in lockstep is a member."""
     mode = str(request.param)
     with two_robot_simulation(tmp_path_factory.mktemp(mode), mode) as made:
         wait_until(lambda: made.health("/reset_monitor").ticks > 0, WITHIN_S, "ticks of the reset monitor")
@@ -31,7 +31,7 @@ def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 @pytest.fixture
 def paused(running: TwoRobotSimulation) -> Iterator[SimTime]:
-    """Time stands still in the test."""
+    """Pause time during the test."""
     stopped = running.node.call(PAUSE, Empty())
     yield stopped
     running.node.call(RESUME, Empty())
@@ -125,7 +125,7 @@ def test_what_is_deleted_is_gone(running: TwoRobotSimulation) -> None:
 
 
 def away(running: TwoRobotSimulation) -> None:
-    """Drive tb3_0 from where it stands."""
+    """Drive tb3_0 away from its place."""
     commands, truth = running.node.advertise(CMD_VEL, "/tb3_0/cmd_vel"), running.truth["tb3_0"]
     start = truth.wait_next()
 
@@ -137,12 +137,12 @@ def away(running: TwoRobotSimulation) -> None:
 
 
 def words(running: TwoRobotSimulation, text: str) -> list[str]:
-    """What the reset monitor wrote with ``text`` in it."""
+    """Return the reset monitor's log lines that contain ``text``."""
     return [line for line in running.reset_monitor.text.splitlines() if text in line]
 
 
 def home(listed: ModelList) -> None:
-    """Every robot stands where it was spawned."""
+    """Assert that every robot stands still at its spawn pose."""
     for model in listed.models:
         at, twist = model.pose.position, model.twist.linear
         assert math.hypot(at.x, at.y - STARTS[model.name]) < 1e-9

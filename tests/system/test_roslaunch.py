@@ -1,4 +1,4 @@
-"""A read-only workspace outside the checkout: its launch file runs in lockstep, its program drives and is graded."""
+"""A read-only workspace outside the checkout: its launch file runs in lockstep; its program drives and is graded."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ DRIVE = """<launch>
 
 
 def workspace(folder: Path) -> Path:
-    """A workspace of one package that nobody can write to."""
+    """Write a workspace with one read-only package."""
     package = folder / "ws/src/course_folder"
     files = {
         "package.xml": "<package><name>course</name></package>",

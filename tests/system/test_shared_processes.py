@@ -1,4 +1,4 @@
-"""Nodes that share a process in real fleets: the run of separate processes, a crash that takes all, and the tools."""
+"""Nodes that share a process in real fleets: the same run as in separate processes, a common crash, and the tools."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots that enter a running simulation: their topics, sensors that work while subscribed, and their frames."""
+"""Robots spawned in a running simulation: their topics, sensors that work while subscribed, and their frames."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ from tests.system.tf_frames import Frame, frame_in_world, frame_of_pose, frames_
 from tests.system.two_robot_simulation import STARTS, TwoRobotSimulation, two_robot_simulation
 
 PLACES = {"waffle": (2.0, 0.0), "waffle_pi": (2.0, 2.0), "p3dx": (2.0, -2.0)}
-"""Where each newcomer enters, x and y in m."""
+"""Spawn position (x, y) [m] of each new robot."""
 REST_S = 1.0
-"""Simulation time in which a sensor that works tells something: several periods of each."""
+"""Simulation time [s] within which a working sensor publishes: several periods of each."""
 ALL = {"burger": {SCAN, IMU, JOINT_STATES}}
 ALL["waffle"] = ALL["waffle_pi"] = ALL["burger"] | {IMAGE, CAMERA_INFO}
 ALL["p3dx"] = {SCAN, SONAR, RANGE, JOINT_STATES}
@@ -47,7 +47,7 @@ ALL["p3dx"] = {SCAN, SONAR, RANGE, JOINT_STATES}
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimulation]:
-    """A world with a waffle, a waffle_pi and a Pioneer beside its burgers."""
+    """A simulation with a waffle, a waffle_pi and a Pioneer in addition to its burgers."""
     with two_robot_simulation(tmp_path_factory.mktemp("spawned")) as made:
         for model, (x, y) in PLACES.items():
             exact = () if model == "p3dx" else (Assignment(name="odometry", value="world"),)
@@ -196,16 +196,16 @@ def test_frames_go_with_their_robot(running: TwoRobotSimulation) -> None:
 
 
 def counts(running: TwoRobotSimulation, names: set[str]) -> dict[str, int]:
-    """Messages sent on each topic, by the simulation's health."""
+    """Return the number of messages sent on each topic, from the simulation's health."""
     return {each.topic: each.sent for each in running.health("/sim").outputs if each.topic in names}
 
 
 def model_of(name: str) -> str:
-    """The model of a robot in this world."""
+    """Return the model of a robot in this simulation."""
     return name if name in PLACES else "burger"
 
 
 def close(one: Frame, other: Frame) -> None:
-    """Both are the same place and rotation."""
+    """Assert that both frames have the same position and rotation."""
     assert one.translation == pytest.approx(other.translation, abs=1e-9)
     assert abs(sum(a * b for a, b in zip(one.rotation, other.rotation, strict=True))) == pytest.approx(1.0, abs=1e-12)

@@ -1,4 +1,4 @@
-"""The square in real processes: graded in lockstep; stopped by a signal, by silence, by a bad log."""
+"""The square in real processes: graded in lockstep; stopped by a signal, by lost odometry, by a bad log file."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from tests.harness.waiting import wait_until
 from tests.system.short_fleets import without_logger
 
 DRIVE = {"ramp": "base", "linear": {"max_acceleration": 0.3}, "angular": {"max_acceleration": 1.745329}}
-"""The tutorial's limits."""
+"""The tutorial's limits [m/s2, rad/s2]."""
 PATIENCE_S = 5.0
-"""Time-out of a base whose square is to stop it: one that got no processor for a moment must not be stopped instead."""
+"""Command time-out [s] of a base that its square must stop: long enough that a busy machine doesn't trigger it."""
 
 
 class Run:
-    """A fleet's run to its report, in a folder of its own; only the first is recorded."""
+    """A complete run of a fleet, in a folder of its own; only the first is recorded."""
 
     def __init__(self, folder: Path, name: str, *options: str) -> None:
         self.results = folder / "results"
@@ -60,7 +60,7 @@ class Run:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Future[Run]]]:
-    """All side by side: each mostly waits while it starts and ends."""
+    """All runs in parallel, as each mostly waits while it starts and ends."""
     folder = tmp_path_factory.mktemp("square")
     fleets = {"first": ("square",), "mujoco": ("square", "--engine", "mujoco"), "tutorial": ("square_tutorial",)}
     with ThreadPoolExecutor(len(fleets)) as pool:
@@ -146,7 +146,7 @@ def test_the_log_of_the_tutorials_law_shows_its_states(tutorial: Run) -> None:
 
 
 class Pioneer:
-    """A Pioneer on the wall clock, its truth and its commands; the square is started by the test."""
+    """A Pioneer in real time, its ground truth and commands; the test starts the square."""
 
     def __init__(self, network: Network, node: Node) -> None:
         self.network, self.node = network, node
@@ -159,12 +159,12 @@ class Pioneer:
         return self.network.start("square", "--namespace", "RosAria", "--param", f"log={log}", *arguments)
 
     def until_cruising(self) -> Odometry:
-        """The sample at which it moves at the square's speed."""
+        """Wait until it moves at the square's speed and return that sample."""
         wait_until(lambda: speed(self.truth.wait_next()) > 0.199, WITHIN_S, "0.2 m/s")
         return self.truth.received()[-1]
 
     def until_rest(self, since: Odometry) -> Odometry:
-        """The first sample at rest after ``since``."""
+        """Wait for the first sample at rest after ``since`` and return it."""
 
         def rested() -> Odometry | None:
             after = (each for each in self.truth.received() if time_of(each) > time_of(since))
@@ -206,7 +206,7 @@ def test_sigint_stops_the_robot_and_leaves_a_whole_log(pioneer: Pioneer, tmp_pat
 
 
 def test_loss_of_odometry_stops_the_robot_until_it_is_back(pioneer: Pioneer) -> None:
-    """The test stands between the base and the square, and falls silent."""
+    """The test relays the base's odometry to the square, and then stops."""
     source = MessageRecorder(pioneer.node.subscribe(ODOM, "/RosAria/odom"))
     relay = pioneer.node.advertise(ODOM, "/RosAria/relayed")
     passed = 0

@@ -72,7 +72,7 @@ values = { speed = 0.75 }
 
 
 class Run:
-    """A fleet that runs, beside the others of this file."""
+    """A running fleet, in parallel with the others of this file."""
 
     def __init__(
         self, folder: Path, mode: str, service: str, timeout: float, *, more: str = "", factor: float = 1.0
@@ -86,13 +86,13 @@ class Run:
         self._up = self._terminal.start_fleet(fleet, folder / "run", "--no-saved")
 
     def kill(self) -> None:
-        """End it if no test has waited for its end."""
+        """Kill it if no test has waited for its end."""
         if self._up.poll() is None:
             self._up.kill()
             self._up.communicate()
 
     def end(self) -> tuple[CommandResult, dict[str, Any], str]:
-        """How it ended, its report ({} when nothing was measured), and what its processes have written."""
+        """Wait for its end; return its result, its report ({} if nothing was measured), and its processes' logs."""
         ended = self._terminal.finish(self._up)
         logs = "".join(each.read_text() for each in sorted((self._folder / "run" / "logs").glob("*.log")))
         report = self._folder / "run" / "report.json"
@@ -104,7 +104,7 @@ MODES = ("real", "lockstep")
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Run]]:
-    """All side by side: each mostly waits."""
+    """All runs in parallel, as each mostly waits."""
     folder = tmp_path_factory.mktemp("start")
     late, stuck = '{ kind = "late.py" }', '{ kind = "stuck.py" }'
     required = '{ kind = "stuck.py", required = true }'
@@ -124,7 +124,7 @@ def test_time_begins_when_the_last_node_is_ready_and_a_change_that_is_refused_fa
     for mode in MODES:
         ended, report, logs = runs[f"late {mode}"].end()
         first = float(logs.partition("/late: tick at ")[2].partition(" ")[0])
-        # Real time does not wait for a node that a busy machine holds up now; half a second is 2.5 s on its clock.
+        # Real time doesn't wait for a node that a busy machine holds up; half a second is 2.5 s on its clock.
         assert first == 0 if mode == "lockstep" else first < 0.5, logs
         made, refused, later = report["changes"]
         assert (made["made"], made["reason"], made["values"]) == (True, "", {"speed": 0.25})
@@ -147,7 +147,7 @@ def test_without_a_required_node_time_does_not_begin(runs: Mapping[str, Run]) ->
     assert "the fleet ended: sim failed: exit status 2" in ended.err
     (why,) = (line for line in ended.err.splitlines() if "time does not begin: " in line)
     assert "/r/stuck is not ready" in why
-    # On a busy machine the simulation may give up before the grader has started: then there is nothing to report.
+    # On a busy machine the simulation may give up before the grader has started; then there is no report.
     assert not report or report["run"]["sim_seconds"] == 0, logs
 
 

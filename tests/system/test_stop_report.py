@@ -1,4 +1,4 @@
-"""A commander that falls silent, on the wall clock: the grader measures the stop and finds the theory."""
+"""A controller that stops commanding, in real time: the grader's stop measurement agrees with theory."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""A commander that is killed, falls silent or asks for an emergency stop, in real processes: the way to the stop.
+"""Stopping distance when a controller is killed, stops commanding or requests an emergency stop, in real processes.
 
-Everything is in lockstep, so each instant is known to the physics step. A command of the tick t reaches the base at t
-with latency 0, and one period of the commander later with latency 1, while the next tick is computed. When a commander
-is killed in its tick, the simulation waits for it there: with latency 0 in that very tick, one period T after the last
-command came, and with latency 1 when it would collect the tick, which again is T after the last command came. It learns
-from the network that the commander is gone, and the base brakes in that step. So the way from the last command on is
-v T + v^2 / 2a in both; that of a commander that falls silent is v timeout + v^2 / 2a.
+Everything is in lockstep, so each instant is known to the physics step. A command of tick t reaches the base at t with
+latency 0, and one period of the controller later with latency 1, while the next tick is computed. When a controller is
+killed in its tick, the simulation waits for it there: with latency 0 in that very tick, one period T after the last
+command arrived; with latency 1 when it would collect the tick, again T after the last command arrived. The network
+reports that the controller is gone, and the base brakes in that step. So the distance from the last command on is v T +
+v^2 / 2a in both cases; when a controller stops commanding it is v timeout + v^2 / 2a.
 
-How a released key stops the robot, at the same speeds, is in tests/services/teleop/test_script_drives.py.
+Stops by a released key, at the same speeds, are tested in tests/services/teleop/test_script_drives.py.
 """
 
 from __future__ import annotations
@@ -37,28 +37,28 @@ assert WHEELS is not None
 BRAKE = WHEELS.brake
 TIMEOUT = BaseParameters().cmd_vel_timeout
 PERIOD = 1 / RATE
-"""Simulation time between two commands, s."""
+"""Simulation time between two commands [s]."""
 END = 3.2
-"""Simulation time of the tick in which the commander ends, s: the fastest runs evenly after 0.75 / 0.3 = 2.5 s."""
+"""Simulation time [s] of the tick in which the controller ends; the fastest robot needs 0.75 / 0.3 = 2.5 s to speed."""
 STANDING = 1e-3
-"""m/s; below it a robot stands."""
+"""Speed [m/s] below which a robot counts as stopped."""
 STEP_S = STEP_NS / 1e9
 LOOK = 0.02
-"""Simulation time between two looks of the recorder, s."""
+"""Sample period of the recorder [s, simulation time]."""
 
 
 class Robot:
-    """What was seen of one robot."""
+    """The recording of one robot."""
 
     def __init__(self, seen: RobotRecording, name: str) -> None:
         self._truth, self.base = seen.truth[name], seen.status[name][-1]
 
     def at(self, seconds: float) -> Odometry:
-        """Ground truth of an instant, exactly."""
+        """Return the ground truth at exactly this time [s]."""
         return next(each for each in self._truth if each.header.stamp.ns == round(seconds * 1e9))
 
     def stop(self, begin: float) -> StopPrediction:
-        """Time and way from ``begin`` [s] to the standstill, by ground truth at 50 Hz."""
+        """Return time and distance from ``begin`` [s] to standstill, from ground truth at 50 Hz."""
         end = self._truth[-1]
         assert abs(speed(end)) < STANDING
         moving = [time_of(each) for each in self._truth if abs(speed(each)) > STANDING]
@@ -66,7 +66,7 @@ class Robot:
 
 
 class Drive:
-    """The three robots in lockstep with their commander, and with a recorder that misses nothing."""
+    """The three robots in lockstep with their controller and a recorder that misses no sample."""
 
     def __init__(self, network: Network, folder: Path, end: End, latency: int = 0) -> None:
         entries = [{"name": name, "model": "p3dx", "y": 2.0 * index} for index, name in enumerate(SPEEDS)]
@@ -78,15 +78,15 @@ class Drive:
         self.commander = network.run(Path(commander.__file__), *ends)
 
     def robots(self) -> dict[str, Robot]:
-        """What was seen until all of them have had the time to stop."""
+        """Return the recordings up to a time at which all have stopped."""
         seen = self.lockstep_recorder.recording()
         return {name: Robot(seen, name) for name in SPEEDS}
 
 
 def near(robot: Robot, v: float, begin: float, coasting: float, theory: StopPrediction) -> None:
-    """From ``begin`` [s]: at speed for ``coasting`` [s], and at rest within 5 % of the way that theory says.
+    """Assert that from ``begin`` [s] on the robot keeps its speed for ``coasting`` [s] and stops as in theory.
 
-    In time within 5 % and the 20 ms between two looks.
+    Tolerances: 5 % in distance; 5 % plus a sample period of 20 ms in time.
     """
     assert speed(robot.at(begin)) == pytest.approx(v, rel=2e-3)
     assert speed(robot.at(begin + coasting)) == pytest.approx(v, rel=2e-3)
@@ -98,7 +98,7 @@ def near(robot: Robot, v: float, begin: float, coasting: float, theory: StopPred
 
 
 def run(folder: Path, end: End, latency: int = 0) -> dict[str, Robot]:
-    """The robots of a drive of its own; a commander that hangs is killed."""
+    """Run a drive and return its robots; a hung controller is killed."""
     folder.mkdir()
     with Network(folder) as network:
         drive = Drive(network, folder, end, latency)
@@ -111,7 +111,7 @@ def run(folder: Path, end: End, latency: int = 0) -> dict[str, Robot]:
 
 @pytest.fixture(scope="module")
 def drives(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Future[dict[str, Robot]]]]:
-    """All side by side: each mostly waits while it starts and ends."""
+    """All drives in parallel, as each mostly waits while it starts and ends."""
     folder = tmp_path_factory.mktemp("stops")
     ends: dict[str, tuple[End, int]] = {
         "killed 0": ("hangs", 0),
@@ -125,9 +125,9 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Fu
 
 @pytest.mark.parametrize("latency", [0, 1])
 def test_a_commander_that_is_killed(drives: Mapping[str, Future[dict[str, Robot]]], latency: int) -> None:
-    """Kill -9, in the middle of a tick; no time-out passes.
+    """It is killed with SIGKILL in the middle of a tick; the base doesn't wait for the time-out.
 
-    With latency 1 the simulation goes on meanwhile: it has given its last leave before the one it waits in.
+    With latency 1 the simulation is one grant ahead of the report for which it waits.
     """
     last, robots = END if latency else END - PERIOD, drives[f"killed {latency}"].result()
     for name, v in SPEEDS.items():

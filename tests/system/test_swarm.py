@@ -1,4 +1,4 @@
-"""A small swarm on MuJoCo: all arrive without contact, and sharing processes changes nothing."""
+"""A small swarm in MuJoCo: all arrive without contact, and sharing processes changes nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sweep whose process is killed resumes where it was, and its runs are those of ``up``."""
+"""A killed sweep resumes where it was, and its runs are identical to those of ``up``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fleet turtlebot3 on the wall clock: a program that knows a TurtleBot3 alone finds its topics and drives it."""
+"""The fleet turtlebot3 in real time: a program written only for a TurtleBot3 finds its topics and drives it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A node joins the router of another machine: in topology direct it is told that it must use star; in star it works."""
+"""A node that joins another machine's router gets an error that it must use topology star; with star it works."""
 
 from __future__ import annotations
 

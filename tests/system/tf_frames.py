@@ -1,4 +1,4 @@
-"""Frames on tf and tf_static, concatenated."""
+"""Composition of transforms from tf and tf_static."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from messages.tf import TFMessage
 
 
 class Frame(NamedTuple):
-    """Where a frame is in its parent: place [m], rotation (x, y, z, w), simulation time [ns]."""
+    """A frame's transform in its parent: translation [m], rotation (x, y, z, w), simulation time [ns]."""
 
     parent: str
     translation: Vector
@@ -20,7 +20,7 @@ class Frame(NamedTuple):
 
 
 def frames_by_name(message: TFMessage) -> dict[str, Frame]:
-    """The frames of a message by their names."""
+    """Return the frames of a message by name."""
     return {
         each.child_frame_id: Frame(
             each.header.frame_id,
@@ -38,13 +38,13 @@ def frames_by_name(message: TFMessage) -> dict[str, Frame]:
 
 
 def frame_of_pose(pose: Pose) -> Frame:
-    """A pose in the world as a frame."""
+    """Return a pose in the world as a frame."""
     p, q = pose.position, pose.orientation
     return Frame("world", (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
 def frame_in_world(frames: Mapping[str, Frame], name: str) -> Frame:
-    """The frame ``name`` in the world, through all that lie between."""
+    """Return the frame ``name`` in the world, composed along its parents."""
     here = frames[name]
     while here.parent != "world":
         above = frames[here.parent]

@@ -1,4 +1,4 @@
-"""A service that sends an arm along a trajectory as goals of the action, and states what came of it as checks."""
+"""A service that sends an arm trajectory goals of the action and publishes the outcome as checks."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ RESULT = Topic(f"{ACTION}/result", FollowJointTrajectoryActionResult, 0, Quality
 
 JOINTS = "shoulder", "elbow"
 WAYS = {"early": (0.5, 0.5), "first": (-0.8, 1.0), "second": (-0.5, 0.5), "third": (0.3, -1.0)}
-"""Positions of the joints, rad; each goal takes 1 s."""
+"""Joint positions [rad] of the goals; each takes 1 s."""
 STARTS = {5: "early", 20: "first", 85: "second", 160: "third"}
-"""Ticks of 20 ms at which they are sent."""
+"""Ticks of 20 ms at which the goals are sent."""
 LAST = 230
-"""The tick at which the checks are stated."""
+"""The tick at which the checks are published."""
 
 
 def run(ctx: Context) -> None:
-    """Send the goals at their ticks, then state what came of them, and a digest of all that was heard."""
+    """Send the goals at their ticks, then publish their outcome and a digest of all received messages."""
     results, states = ctx.stream(RESULT), ctx.stream(JOINT_STATES)
     ended: dict[str, int] = {}
     seen = hashlib.sha256()
@@ -56,7 +56,7 @@ def run(ctx: Context) -> None:
 
 
 def goal(name: str) -> FollowJointTrajectoryActionGoal:
-    """The goal of a name."""
+    """Return the goal of this name."""
     end = JointTrajectoryPoint(
         positions=WAYS[name],
         velocities=(0.0, 0.0),

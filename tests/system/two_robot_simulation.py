@@ -19,13 +19,13 @@ from tests.harness.waiting import wait_until
 
 RESET_MONITOR = Path(__file__).with_name("reset_monitor.py")
 FACTOR = 4
-"""Simulated per wall-clock second, to be quick."""
+"""Real-time factor, to save wall time."""
 STARTS = {"tb3_0": 0.0, "tb3_1": 0.5}
-"""y of each robot, m; x is 0, both look along x."""
+"""y of each robot [m]; x is 0 and both face along x."""
 
 
 class TwoRobotSimulation:
-    """The network, the simulation, its reset monitor, and a node beside them that looks on and asks."""
+    """The network, the simulation, its reset monitor, and a node that observes and sends requests."""
 
     def __init__(self, network: Network, sim: Process, reset_monitor: Process, node: Node) -> None:
         self.network, self.sim, self.reset_monitor, self.node = network, sim, reset_monitor, node
@@ -36,18 +36,18 @@ class TwoRobotSimulation:
         assert sim.status is None, sim.text
 
     def health(self, node: str) -> Health:
-        """The health of a node now."""
+        """Return a node's current health."""
         return ask_health(self.node.transport, node)
 
     @property
     def memory(self) -> float:
-        """Resident memory of the simulation, MiB."""
+        """The simulation's resident memory [MiB]."""
         return psutil.Process(self.sim.pid).memory_info().rss / 2**20
 
 
 @contextmanager
 def two_robot_simulation(logs: Path, mode: str = "real") -> Iterator[TwoRobotSimulation]:
-    """Two burgers at rest with exact odometry, and the reset monitor; in lockstep the simulation waits for it."""
+    """Run two burgers at rest with exact odometry, and the reset monitor, a member in lockstep."""
     exact = {"odometry": "world"}
     robots = [{"name": name, "model": "burger", "y": y, "parameters": exact} for name, y in STARTS.items()]
     lockstep = ["--lockstep"] if mode == "lockstep" else []

@@ -1,4 +1,4 @@
-"""The benchmark on short spans: each figure that it promises is there, a missed bound fails. No speed is judged."""
+"""The benchmark on short spans: every documented figure is reported, a missed bound fails. Speed isn't tested."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ model = "arm"
 pose = { x = -2.0 }
 services = [{ kind = "arm" }, { kind = "reference" }]
 """
-"""One of each kind of what ``lab`` has that the figures are about, without its recordings."""
+"""One of each kind that ``lab`` has and the figures measure, without the recordings."""
 IDLE = """
 name = "idle"
 [[robot]]
 name = "tb3_0"
 model = "burger"
 """
-"""What ``bare`` has that its figures are about."""
+"""The part of ``bare`` that its figures measure."""
 MEASURED_BY_TESTS = ("help_cpu_s", "panel_cpu_percent", "page_drawings_per_s", "supervisor_cpu_percent")
 
 
@@ -86,7 +86,7 @@ def test_the_raw_loop_sets_what_the_commands_come_to_and_calls_at_every_step() -
 
 @pytest.fixture
 def short_measurements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Few messages and robots, little simulation time."""
+    """Shorten the measurements: few messages and robots, little simulation time."""
     few = tmp_path / "few.toml"
     few.write_text(FLEET)
     idle = tmp_path / "idle.toml"
@@ -113,7 +113,7 @@ def short_measurements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 class ForkedCommand(ForkedProcess):
-    """``python -P -m MODULE``, forked with all that it starts: how long Python takes to start is measured elsewhere."""
+    """``python -P -m MODULE``, forked with all that it starts: Python's start-up time is measured elsewhere."""
 
     def __init__(self, command: Sequence[str], stdout: IO[bytes] | int, stderr: IO[bytes] | int, **_: bool) -> None:
         assert command[:3] == [sys.executable, "-P", "-m"]
@@ -126,7 +126,7 @@ def run_forked(command: Sequence[str], **_: object) -> subprocess.CompletedProce
 
 @pytest.fixture
 def forked_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fleets, partners and programs whose start costs little."""
+    """Fork the fleets, partners and programs of the measurements, so that their start costs little."""
 
     class Forking:
         Popen, PIPE, DEVNULL = ForkedCommand, subprocess.PIPE, subprocess.DEVNULL

@@ -1,4 +1,4 @@
-"""A network and a node of the test's own on it, one for each file of tests that asks for them."""
+"""A network and a node on it for each test file that requests them."""
 
 from tests.services.conftest import network as network
 from tests.services.conftest import node as node

@@ -1,4 +1,4 @@
-"""The commands of ``elea bag`` on real processes and files: their results, and the exit after each bad input."""
+"""The commands of ``elea bag`` on real processes and files: results, and exit status for each bad input."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.services.bag.sample_bags import make_bag, make_rosbag2_bag
 
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with bags: ``ours``, a ``foreign`` one, one that is ``torn.mcap``, and an ``empty`` folder."""
+    """A folder with the bags ``ours``, ``foreign`` (rosbag2) and ``torn.mcap`` (truncated), and an ``empty`` folder."""
     folder = tmp_path_factory.mktemp("bags")
     (folder / "empty").mkdir()
     make_rosbag2_bag(folder / "foreign")
@@ -62,7 +62,7 @@ def test_record_takes_what_is_chosen_until_ctrl_c(network: Network, node: Node, 
 
 
 def test_record_on_a_full_disk_tells_what_is_missing(network: Network, node: Node, tmp_path: Path) -> None:
-    """No file can grow beyond 128 kB: the kernel refuses it as it does on a full disk. Nobody else notices."""
+    """A file size limit of 128 kB makes the kernel fail writes as on a full disk, without affecting other processes."""
     out = node.advertise(ROBOT_DESCRIPTION, "/full/robot_description")
     record = f"{sys.executable} -P -m deploy bag record /full/robot_description -o full --connect {network.endpoint}"
     terminal = CommandLine(tmp_path)
@@ -117,7 +117,7 @@ def test_info_and_export(bags: Path, tmp_path: Path) -> None:
 
 
 def test_bags_whose_names_have_a_dot_have_a_recording_each(tmp_path: Path) -> None:
-    """Whether or not this machine can draw it: the recording is made first."""
+    """Holds whether or not this machine can draw: the recording is made first."""
     terminal = CommandLine(tmp_path)
     for name, seconds in (("lap.1", 0.1), ("lap.2", 0.2)):
         make_bag(tmp_path / name, seconds)

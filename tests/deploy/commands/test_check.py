@@ -20,7 +20,7 @@ def git(*arguments: str, at: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def repository(tmp_path: Path) -> Path:
-    """A repository with a check that passes unless a file says no."""
+    """A repository whose check passes unless the file ``no`` exists or Git's variables are set."""
     assert git("init", "--quiet", at=tmp_path).returncode == 0
     check = tmp_path / "elea"
     check.write_text('#!/bin/sh\necho "$@" >> asked\n[ ! -e no ] && [ -z "${GIT_DIR-}${GIT_INDEX_FILE-}" ]\n')

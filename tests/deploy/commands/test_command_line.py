@@ -1,4 +1,4 @@
-"""The command line: help without weight, wrong names with the nearest right one, exit statuses."""
+"""The command line: bad input with the nearest valid name, exit statuses, a missing package."""
 
 from __future__ import annotations
 

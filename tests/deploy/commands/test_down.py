@@ -1,4 +1,4 @@
-"""``down`` ends a fleet with its report, whatever happened to its processes before."""
+"""``down`` ends a fleet with a report even if its processes were stopped, hung or restarted before."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
 
 
 def test_down_says_that_the_report_is_missing(tmp_path: Path) -> None:
-    """As on a full disk: the grader can't write what it measured."""
+    """The grader can't write its measurements, as on a full disk."""
     terminal = FleetCommandLine(tmp_path)
     terminal.run("up", terminal.fleet("real", "never", ""), "--detach", "--no-saved", "--report", str(terminal.results))
     (terminal.results / "measurements.json").mkdir()

@@ -1,4 +1,4 @@
-"""Commands against a running fleet with its own port and domain: they find and describe it."""
+"""Commands find and describe a running fleet that has a port and domain of its own."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def ran(terminal: FleetCommandLine, *arguments: str) -> Process:
 
 
 def test_run_joins_the_fleet_that_runs(terminal: FleetCommandLine) -> None:
-    """And where it is led elsewhere and sees no clock, it names the fleets that run."""
+    """Connected elsewhere, where it receives no clock, it names the running fleets."""
     nowhere = f"tcp/127.0.0.1:{free_port()}"
     with ran(terminal, "run", "mine.py", "--connect", nowhere, "--name", "lost") as lost:
         for arguments in (("run", "mine.py"), ("run", "mine.py", "--port", str(terminal.port), "--name", "other")):

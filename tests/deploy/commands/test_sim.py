@@ -1,4 +1,4 @@
-"""``elea sim`` against a running simulation: every action, as text and as JSON, and refused input."""
+"""``elea sim`` against a running simulation: every action, as text and as JSON, and rejected input."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ class SimCommandLine:
         self._endpoint = endpoint
 
     def run(self, *words: str) -> subprocess.CompletedProcess[str]:
-        """``elea sim WORDS``."""
+        """Run ``elea sim WORDS``."""
         return run_verb("sim", *words, "--connect", self._endpoint)
 
     def output(self, *words: str) -> str:
-        """What it prints when all is well."""
+        """Run it, assert success, and return its output."""
         done = self.run(*words)
         assert (done.returncode, done.stderr) == (0, ""), done.stderr
         return done.stdout
 
     def output_json(self, *words: str) -> Any:
-        """The same, as JSON."""
+        """Like ``output``, with ``--json``."""
         return json.loads(self.output(*words, "--json"))
 
 
 @pytest.fixture(scope="module")
 def sim_command(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimCommandLine]:
-    """A simulation of an arm and a burger in which time stands still."""
+    """A paused simulation of an arm and a burger."""
     with Network(tmp_path_factory.mktemp("sim")) as network, network.node() as node:
         network.start("sim", "--param", f"robots={json.dumps(ROBOTS)}")
 

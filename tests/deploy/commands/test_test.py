@@ -1,4 +1,4 @@
-"""Which tests ``elea test`` runs, and how many at a time."""
+"""Which tests ``elea test`` runs, and how many in parallel."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ def test_nodes_tell_what_troubles_them() -> None:
 
 
 def test_a_process_that_lost_its_supervisor_is_found(tmp_path: Path) -> None:
-    """A service is started by a shell that ends at once, so nobody has it any more."""
+    """The service is orphaned: the shell that starts it ends at once."""
     command = f"{sys.executable} -P -m services router --param listen=tcp/127.0.0.1:{free_port()} & echo $!"
     shell = subprocess.run(
         ["bash", "-c", f"{command.replace(' & ', ' >/dev/null 2>&1 & ')}"],

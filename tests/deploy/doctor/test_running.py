@@ -1,4 +1,4 @@
-"""``doctor`` on a running fleet: the problems it reports, the nodes it names, and what it leaves alone."""
+"""``doctor`` on a running fleet: the problems that it reports, the nodes that it names, and what it doesn't judge."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_no_rate_is_judged_while_time_stands_still() -> None:
 
 
 def test_a_flood_is_counted_by_its_sender_over_the_network(tmp_path: Path) -> None:
-    """The numbers of the samples tell how many were sent, however many the onlooker got."""
+    """Sequence numbers show how many messages were sent, however many the observer received."""
     with Network(tmp_path) as net, net.node("flooder") as node, net.node("eye") as eye:
         clock, flood = node.advertise(CLOCK), node.advertise(CMD_VEL, "/tb3_0/cmd_vel")
         base, fleet = node.advertise(BASE_STATUS, "/tb3_0/base_status"), node.advertise(FLEET_STATE)
@@ -78,7 +78,7 @@ def test_a_flood_is_counted_by_its_sender_over_the_network(tmp_path: Path) -> No
         entities, tick = snapshot(eye.transport), 0
 
         class Driven:
-            """The transport of the onlooker; each time it waits, the flooder sends 100 commands in one tick."""
+            """The observer's transport; each time it waits, the flooder sends 100 commands in one tick."""
 
             def __getattr__(self, name: str) -> object:
                 return getattr(eye.transport, name)
@@ -103,7 +103,7 @@ def test_a_flood_is_counted_by_its_sender_over_the_network(tmp_path: Path) -> No
 def test_a_base_that_tells_its_state_later_than_all_nodes_is_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A base does so five times a second of simulation time, which may run slowly."""
+    """A base publishes its status at 5 Hz of simulation time, which may run slowly."""
     monkeypatch.setattr(doctor_fleet, "MIN_OBSERVATION_S", 0.0)
     with Network(tmp_path) as net, net.node("sim") as node, net.node("eye") as eye:
         base = node.advertise(BASE_STATUS, "/tb3_0/base_status")
@@ -111,7 +111,7 @@ def test_a_base_that_tells_its_state_later_than_all_nodes_is_waited_for(
         publications, waits = [each for each in snapshot(eye.transport) if each.kind == "pub"], 0
 
         class Driven:
-            """The transport of the onlooker; the base tells its state when it has waited for a while."""
+            """The observer's transport; the base publishes its status only from the fourth wait on."""
 
             def __getattr__(self, name: str) -> object:
                 return getattr(eye.transport, name)

@@ -1,4 +1,4 @@
-"""A solution of the exercise on obstacle avoidance: drive to the free direction that is nearest to the goal's."""
+"""A solution of the exercise on obstacle avoidance: drive in the free direction nearest to that of the goal."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from services.runtime import CMD_VEL, ODOM, SCAN, STOP, Context, LaserScan, Twis
 
 GOAL = (6.0, 0.0)
 WIDTH = 0.24
-"""Half the width of the free lane that a heading needs [m]: radius of the robot, clearance, and a reserve."""
+"""Half the width of the free lane that a heading needs [m]: the robot's radius, a clearance and a reserve."""
 LOOK_AHEAD = 1.2
 STEPS = 72
 
 
 def free_way(scan: LaserScan, heading: float) -> float:
-    """How far a lane along ``heading`` [rad] is free [m], up to LOOK_AHEAD."""
+    """Return the free length [m] of a lane along ``heading`` [rad], at most LOOK_AHEAD."""
     free = LOOK_AHEAD
     for index, distance in enumerate(scan.ranges):
         if not scan.range_min <= distance < LOOK_AHEAD + WIDTH:
@@ -26,7 +26,7 @@ def free_way(scan: LaserScan, heading: float) -> float:
 
 
 def steer(x: float, y: float, yaw: float, scan: LaserScan | None) -> Twist:
-    """The command for a robot at (x, y) [m] with heading yaw [rad]."""
+    """Return the command for a robot at (x, y) [m] with heading ``yaw`` [rad]."""
     dx, dy = GOAL[0] - x, GOAL[1] - y
     if hypot(dx, dy) < 0.05 or scan is None:
         return STOP

@@ -1,4 +1,4 @@
-"""The exercise as a student meets it: made by a command, failed by its stub, passed by a solution."""
+"""The exercise as a student gets it: created by a command, failed by its stub, passed by a solution."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.harness.command_line import CommandLine
 
 @pytest.fixture
 def exercise(tmp_path: Path) -> CommandLine:
-    """The working directory of a student, with the exercise ``avoid`` in it."""
+    """A student's working directory with the exercise ``avoid``."""
     made = CommandLine(tmp_path)
     done = made.run("new", "exercise", "avoid")
     assert (done.status, done.out) == (0, "avoid is ready: read its README.md, then ./elea up avoid/fleet.toml\n")

@@ -1,4 +1,4 @@
-"""A workspace in a folder, and launch files in it that are read from text."""
+"""A catkin workspace in a folder, with launch files written from text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TALKER = "#!/usr/bin/env python\nimport rospy\nrospy.init_node('talker')\n"
 
 
 class LaunchWorkspace:
-    """Two packages, ``talks`` and ``robots``, in the ``src`` of a workspace."""
+    """A workspace whose ``src`` has the packages ``talks`` and ``robots``."""
 
     def __init__(self, folder: Path) -> None:
         self.source = folder / "ws/src"

@@ -43,7 +43,7 @@ state: []
 
 @pytest.mark.timeout(300)
 def test_it_reads_and_changes_values_as_in_ros(tmp_path: Path) -> None:
-    """An enum is set by its value or its name, and shown by its value; only servers of dynamic_reconfigure count."""
+    """An enum is set by value or name and shown by value; only dynamic_reconfigure servers are listed."""
     with background_fleet(tmp_path, FLEET) as fleet:
 
         def dynparam(*words: str, status: int = 0) -> str:
@@ -91,7 +91,7 @@ def test_it_reads_and_changes_values_as_in_ros(tmp_path: Path) -> None:
 
 
 def _sorted_by_place(kind: int, gain: float) -> str:
-    """The parameters in their group, in the order of the file."""
+    """Return a group's parameters, in the order of the file."""
     return (
         f"'Kp': {gain}, 'Kd': 1.0, 'reference_type': {kind}, 'ref_angle': 0.0, 'sin_ref_gain': 30.0, 'sin_ref_f': 0.2"
     )

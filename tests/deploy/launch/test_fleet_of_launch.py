@@ -250,10 +250,10 @@ def test_a_robot_and_a_world_of_the_users_own_are_taken(workspace: LaunchWorkspa
 
 
 def test_a_relative_world_is_looked_for_where_gazebo_does(workspace: LaunchWorkspace) -> None:
-    """In the resource path and in what packages export, never as a file that its package should have."""
+    """In GAZEBO_RESOURCE_PATH and in the folders that packages export, never as a file missing from its package."""
     gazebo = '{env}<node name="gazebo" pkg="gazebo_ros" type="gzserver" args="-e ode worlds/{world}.world"/>'
     empty = '<sdf version="1.6"><world name="own"/></sdf>'
-    made = workspace.fleet(gazebo.format(env="", world="shapes"))  # one that comes with Gazebo
+    made = workspace.fleet(gazebo.format(env="", world="shapes"))  # a world that comes with Gazebo
     assert made.table["world"] == "empty"
     assert made.notes == ["the world worlds/shapes.world is not here; the ground is empty"]
     named = workspace.write("elsewhere/worlds/named.world", empty)

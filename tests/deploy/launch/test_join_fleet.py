@@ -22,7 +22,7 @@ pytestmark = pytest.mark.process
 
 @pytest.fixture(autouse=True)
 def handlers() -> Iterator[None]:
-    """The signal handlers as they were."""
+    """Restore the signal handlers after the test."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
     for number, handler in before.items():
@@ -80,7 +80,7 @@ def test_all_end_with_a_required_one_and_by_ctrl_c(tmp_path: Path) -> None:
 
 
 def _assert_ended(pid: Path) -> None:
-    """The process that wrote its id is no more; the file goes, for the next one."""
+    """Assert that the process whose id is in the file has ended, and delete the file for the next one."""
     with pytest.raises(ProcessLookupError):
         os.kill(int(pid.read_text()), 0)
     pid.unlink()

@@ -1,4 +1,4 @@
-"""Launch files are read as roslaunch reads them."""
+"""Launch files are parsed as by roslaunch."""
 
 from __future__ import annotations
 

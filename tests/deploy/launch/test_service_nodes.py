@@ -1,4 +1,4 @@
-"""Nodes of launch files for which services of this project stand: turtlesim, transforms, joint states, maps."""
+"""Launch file nodes that services of this project replace: turtlesim, transforms, joint states, maps."""
 
 from __future__ import annotations
 

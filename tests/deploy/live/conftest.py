@@ -1,4 +1,4 @@
-"""An idle fleet for the tests of the topic commands; they run last in this folder, so that it disturbs no others."""
+"""An idle fleet for the tests of the topic commands, which run last in this folder so that it disturbs no others."""
 
 from __future__ import annotations
 

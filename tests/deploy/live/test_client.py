@@ -27,7 +27,7 @@ def test_it_drives_and_reads(client: Client) -> None:
         client.wait(0.5)
         assert client.time() - began >= 1.5
         driven = client.next(GROUND_TRUTH.of("tb3_0")).pose.pose.position.x - before
-        # One second at 0.1 m/s, a little less to gather speed, and what is left until the last command is too old.
+        # One second at 0.1 m/s, less the acceleration phase, plus the time until the last command has expired.
         assert 0.08 < driven < 0.16
         assert len(client.messages(ODOM.of("tb3_0"))) == 0
         client.wait(0.5)

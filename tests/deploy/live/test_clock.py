@@ -1,4 +1,4 @@
-"""The clock of observers, on an in-memory bus: the simulation time of a moment, and where it cannot be known."""
+"""The observers' clock on an in-memory bus: the simulation time of an instant, or None where it is unknown."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
 
 TICK = 20_000_000
-"""Between two clocks, ns of simulation time and here of the wall clock as well."""
+"""Time between two clock messages [ns], on the simulation clock and, in these tests, on the wall clock."""
 
 
 class ClockPublisher:
-    """A clock, and who tells it."""
+    """An observer's clock and a publisher for it."""
 
     def __init__(self, bus: MemoryBus) -> None:
         self.clock = ClockSubscriber(MemoryTransport(bus))
         self._out = MemoryTransport(bus).advertise("clock", encoding(Clock.ROS_TYPE), CLOCK.quality)
 
     def tell(self, number: int, epoch: int = 0, off: int = 0) -> None:
-        """The clock of this number, sent at as many ticks of the wall clock and ``off`` [ns] more."""
+        """Publish clock number ``number``, sent at that tick of the wall clock plus ``off`` [ns]."""
         message = Clock(clock=Time.of(number * TICK), epoch=epoch)
         beside = struct.pack("<qqB16s", number, number * TICK + off, 16, b"simulation")
         self._out.put(encode(message), attachment=beside)

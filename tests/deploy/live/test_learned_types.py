@@ -1,4 +1,4 @@
-"""Types that a script announces are known to the verbs: their fields are read, checked and typed in."""
+"""Other processes, such as commands, learn the types that a script announces; a hostile announcement does no harm."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.harness.memory_node import memory_node
 
 @pytest.fixture
 def walking(tmp_path: Path) -> Iterator[None]:
-    """A process whose workspace has the package ``walking``."""
+    """Run in a workspace that has the package ``walking``."""
     for name, text in (
         ("msg/Step.msg", "Header header\nfloat32 length\n"),
         ("srv/Ask.srv", "int64 a\n---\nStep step\n"),
@@ -42,7 +42,7 @@ def test_what_a_script_uses_is_known_to_others(walking: None) -> None:
         script.advertise("/step", "walking/Step")
         script.serve("/ask", "walking/Ask", lambda payload: payload)
         script.subscribe("/chatter", "std_msgs/String", lambda payload, origin: None)
-        catalogue.cache_clear()  # as another process, which has no such workspace
+        catalogue.cache_clear()  # like another process, without this workspace
         transport = MemoryTransport(bus)
         record = record_on_network(transport, "walking/Step")
         assert record is not None

@@ -1,4 +1,4 @@
-"""The commands on nodes and services, shell completion, and a reset of time, on one fleet."""
+"""Commands on nodes and services, shell completion, and a reset of time, on one fleet."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_a_rate_survives_a_reset(running: BackgroundFleet) -> None:
 
 
 def completed(running: BackgroundFleet, *words: str) -> list[str]:
-    """What bash gets for these words, of which the last one is being typed."""
+    """Return bash's completions for these words, the last of which is being typed."""
     done = run_verb(
         env={
             **running.command_line.environment,
@@ -168,7 +168,7 @@ def test_sets_and_parameters_are_completed(running: BackgroundFleet) -> None:
 
 
 def test_completion_in_bash_itself(running: BackgroundFleet, tmp_path: Path) -> None:
-    """The script that bash evaluates finds what it is asked by the program as it was typed."""
+    """The completion script calls the program by the name that was typed."""
     program = tmp_path / "elea"
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -P -m deploy "$@"\n')
     program.chmod(0o755)
@@ -217,7 +217,7 @@ def test_a_router_that_hangs_delays_no_completion(running: BackgroundFleet) -> N
     began = time.monotonic()
     assert completed(running, "up", "bar") == ["bare"]
     alone = time.monotonic() - began
-    # The supervisor ends what hangs, and starts it again.
+    # The supervisor ends a hung router and restarts it.
     wait_until(
         lambda: completed(running, "topic", "echo", "/tb3_0/od") == ["/tb3_0/odom"], 30.0, "a router that answers"
     )

@@ -36,6 +36,6 @@ def test_no_other_user_comes_in(running: BackgroundFleet) -> None:
 
 
 def _unix() -> list[str]:
-    """The sockets of this machine that listen (flag SO_ACCEPTCON)."""
+    """Return the lines of this machine's listening Unix sockets (flag SO_ACCEPTCON)."""
     lines = Path("/proc/net/unix").read_text().splitlines()[1:]
     return [line for line in lines if line.split()[3] == "00010000"]

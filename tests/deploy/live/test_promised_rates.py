@@ -1,4 +1,4 @@
-"""In lockstep, ``topic hz`` agrees with the promised rates to the message, however fast the wall clock sees them."""
+"""In lockstep, ``topic hz`` gives exactly the promised rates, whatever the rate on the wall clock."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ BURGER = ("odom", "ground_truth", "joint_states", "imu", "scan", "base_status", 
 STAMPLESS = {"/tb3_0/cmd_vel"}
 STEADY = ("/clock", "/tf", *(f"/tb3_0/{each}" for each in BURGER), "/p3dx/sonar")
 RANGES, SONARS = "/p3dx/sonar/range", 16
-"""Sixteen messages at each instant."""
+"""A topic with sixteen messages at each instant."""
 COUNT = 40
 
 
 @pytest.fixture(scope="module")
 def rates(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
-    """The last report on each topic, all measured at once."""
+    """The last report on each topic, all measured in one run."""
     with background_fleet(tmp_path_factory.mktemp("rates"), LOCKSTEP) as running:
-        running.run("topic", "hz", "-n", "20", "/clock")  # a stamp of 0 is none: time has to be under way
+        running.run("topic", "hz", "-n", "20", "/clock")  # a stamp of 0 means none: time must have started
         lines = measured(running)
         yield {each["topic"]: each for each in lines}
 
@@ -52,9 +52,10 @@ def measured(running: BackgroundFleet) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("name", STEADY)
 def test_the_rate_is_the_promised_one_to_the_message(rates: dict[str, Any], name: str) -> None:
-    """Also where a busy router has dropped some on the way to this reader: they are known by their numbers.
+    """This holds even if a busy router drops messages: their sequence numbers reveal them.
 
-    Commands bear no stamp. One is untimed if the clock of its moment was dropped; at an end, the count leaves it out.
+    Commands have no stamp. One is untimed if its clock message was dropped; at either end of the window it isn't
+    counted.
     """
     found, topic = rates[name], known_topic(name)
     assert topic is not None

@@ -1,4 +1,4 @@
-"""Publishing from the command line: a robot drives while it lasts, and stands when it ends."""
+"""Publishing from the command line: a robot drives while the command runs and stops when it ends."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_robot_drives_until_it_ends(running: BackgroundFleet, node: Node) -> N
 
 
 def test_times_and_rate_by_simulation_time(running: BackgroundFleet, node: Node) -> None:
-    """Ten commands at 20 Hz take 0.45 s of simulated time at least."""
+    """Ten commands at 20 Hz take at least 0.45 s of simulation time."""
     commands, clock = MessageRecorder(node.subscribe(CMD_VEL, "/tb3_0/cmd_vel")), MessageRecorder(node.subscribe(CLOCK))
     began = clock.wait_next().clock.ns
     shown = running.run_json_lines(
@@ -85,7 +85,7 @@ def test_rate_by_the_wall_clock(running: BackgroundFleet) -> None:
 
 
 def test_once_reaches_who_is_there(running: BackgroundFleet, node: Node) -> None:
-    """Every time, and with it what is latched."""
+    """Each time, here on a latched topic."""
     stops = MessageRecorder(node.subscribe(E_STOP, "/tb3_0/e_stop"))
     status = MessageRecorder(node.subscribe(BASE_STATUS, "/tb3_0/base_status"))
     for wanted in (True, False, True, False):

@@ -1,4 +1,4 @@
-"""Rates from synthetic samples: exact with losses, bursts, several publishers and a reset of time."""
+"""Rates of synthetic samples are exact despite losses, bursts, several publishers and a reset of time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_what_was_lost_counts_and_widens_no_interval() -> None:
 
 
 def test_bursts_count_whole_instants() -> None:
-    """16 sonars at once, ten times a second; the first burst was joined late, the last is not complete yet."""
+    """16 sonars at once at 10 Hz; the first burst lacks its start, the last its end."""
     moments = [(0, 0)] * 3 + [(100 * MS * burst, 0) for burst in range(1, 6) for _ in range(16)] + [(600 * MS, 0)] * 5
     found = compute_rate(moments)
     assert found is not None
@@ -35,7 +35,7 @@ def test_bursts_count_whole_instants() -> None:
 
 @pytest.mark.parametrize("missing", [{20}, {0, 17, 33, 50}, {15, 16, 31, 32}, {63, 64, 79}])
 def test_bursts_of_which_some_are_lost_give_the_exact_rate(missing: set[int]) -> None:
-    """To which instants the lost ones belong is not known: the count goes from one that is certain to another."""
+    """The instants of lost messages are unknown: counting starts and ends at instants that are certain."""
     moments, lost = [], 0
     for number in range(16 * 8):
         if number in missing:
@@ -74,7 +74,7 @@ def test_a_window_keeps_the_newest_and_starts_anew_with_time() -> None:
 
 
 def test_what_has_no_time_counts_between_its_neighbours() -> None:
-    """At the ends it is left out: between which instants it lay is not known."""
+    """At the ends of the window it isn't counted: it has only one neighbour."""
     window = SampleWindow(20)
     for each in range(12):
         time = None if each in (0, 4, 5, 9, 11) else 40 * MS * (each + 10)

@@ -1,4 +1,4 @@
-"""Messages as text: YAML that reads back, cut lists, rows of CSV."""
+"""Messages as text: YAML that can be read back, truncated lists, CSV rows."""
 
 from __future__ import annotations
 

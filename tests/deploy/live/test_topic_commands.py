@@ -1,4 +1,4 @@
-"""How the verbs on topics end: by Ctrl-C, with their reader, on a full disk, after a wait, and by bad input."""
+"""How topic commands end: on Ctrl-C, a closed pipe, a full disk, a time-out, and bad input."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.harness.waiting import wait_until
 
 
 def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet) -> None:
-    """And with an exit status that tells whether all that was asked has come."""
+    """The exit status shows whether everything requested was received."""
     verbs = {
         ("echo",): (0, "---"),
         ("hz",): (0, "lost: "),
@@ -24,7 +24,7 @@ def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet) -> None:
         ("delay",): (0, "window:"),
         ("hz", "-n", "100000"): (130, "lost: "),
     }
-    with ExitStack() as stack:  # each tells something once a second
+    with ExitStack() as stack:  # each prints something once a second
         started = {each: stack.enter_context(running.start("topic", *each, "/tb3_0/odom")) for each in verbs}
         for each, process in started.items():
             with case(*each):
@@ -39,7 +39,7 @@ def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet) -> None:
 
 @pytest.mark.parametrize("topic", ["/tb3_0/odom", "/tb3_0/robot_description"])
 def test_a_closed_pipe_ends_it_quietly(running: BackgroundFleet, topic: str) -> None:
-    """The second topic tells nothing more after its first message."""
+    """The second topic has no messages after its first."""
     line = f"{sys.executable} -P -m deploy topic echo --flow-style {topic} | head -n 1"
     began = time.monotonic()
     done = subprocess.run(
@@ -77,7 +77,7 @@ def test_waiting_for_a_topic(running: BackgroundFleet) -> None:
 
 
 def test_a_topic_that_is_not_there(running: BackgroundFleet) -> None:
-    """Each verb waits for it for a moment."""
+    """Each command waits for it briefly."""
     with ExitStack() as stack:
         verbs = {
             each: stack.enter_context(running.start("topic", each, "/tb3_0/odm"))

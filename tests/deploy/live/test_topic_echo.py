@@ -1,4 +1,4 @@
-"""Messages as ``topic echo`` shows them, on a running fleet."""
+"""``topic echo`` on a running fleet: fields, counts, styles, CSV, truncation, unknown types."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_echo_of_a_field(running: BackgroundFleet) -> None:
     body, mark = shown.split("---")
     assert mark == "\n"
     assert read_yaml(body)["y"] == pytest.approx(1.0, abs=1e-3)
-    # As in rostopic: the field behind the topic's name.
+    # As in rostopic, the field follows the topic's name.
     assert running.run("topic", "echo", "-n", "1", "/tb3_1/odom/header/frame_id").out == "tb3_1/odom\n---\n"
     assert running.run_json_lines("topic", "echo", "--once", "tb3_0/joint_states", "--field", "name[0]") == [
         "wheel_left_joint"

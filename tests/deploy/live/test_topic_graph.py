@@ -1,4 +1,4 @@
-"""The topics of a running fleet, with their types and endpoints."""
+"""``topic list``, ``type``, ``find`` and ``info`` on a running fleet."""
 
 from __future__ import annotations
 

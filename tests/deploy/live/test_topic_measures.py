@@ -1,4 +1,4 @@
-"""Rates, bytes and delays of topics, on a running fleet."""
+"""``topic hz``, ``bw`` and ``delay`` on a running fleet."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_pu
 
 
 def test_hz_counts_what_was_lost(running: BackgroundFleet) -> None:
-    """Each fourth number is missing: 3 of 4 arrive, and the rate is that of all 4."""
+    """Every fourth sequence number is missing: the rate counts all 4, not the 3 that arrive."""
     with external_publisher(running.endpoint, "lab/numbers", {"a": 1}, numbers=True):
         *_, last = running.run_json_lines("topic", "hz", "lab/numbers", "-n", "30")
     assert last["received"] == 30

@@ -1,4 +1,4 @@
-"""Typed text becomes a message, or an error that names the place."""
+"""Text on a command line becomes a message, or an error that names the field."""
 
 from __future__ import annotations
 

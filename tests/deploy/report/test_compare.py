@@ -1,4 +1,4 @@
-"""``elea diff``: two real runs that repeat, one that does not, planted differences and bad input."""
+"""``elea diff``: two real runs that are identical, one that differs, planted differences and bad input."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ services = [{{ kind = "waypoint", parameters = {{ goals = [[1, 0]], max_linear =
 
 
 class Runs:
-    """Two recorded runs of one fleet, a third one with another speed, and the command line."""
+    """Two recorded runs of one fleet, a third with another speed, and the command line."""
 
     def __init__(self, folder: Path) -> None:
         self.terminal = CommandLine(folder)
@@ -50,7 +50,7 @@ class Runs:
             assert (results / MEASUREMENTS_FILE).is_file(), ran.err
 
     def diff(self, left: Path, right: Path) -> tuple[int, str, dict[str, Any]]:
-        """Exit status and text of the verb, and what it prints as JSON."""
+        """Run ``elea diff``; return its exit status, text and JSON output."""
         text = self.terminal.run("diff", str(left), str(right))
         data = self.terminal.run("diff", str(left), str(right), "--json")
         assert text.status == data.status
@@ -82,7 +82,7 @@ def test_a_run_with_another_parameter_differs_from_its_first_command_on(runs: Ru
 
 
 def planted(runs: Runs, folder: Path, change: Callable[[Path], None]) -> Path:
-    """A copy of the right run with a change."""
+    """Return a copy of the right-hand run with a change."""
     shutil.copytree(runs.right, folder)
     change(folder)
     return folder

@@ -1,4 +1,4 @@
-"""Checks that services state themselves: in the report, its table and the exit status of a real run."""
+"""Checks that services publish themselves: in the report, its table and the exit status of a real run."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ main(Service(name="student", about="States checks.", run=run, rate=5))
 
 
 def example() -> str:
-    """The service of the page on grading."""
+    """The example service of the page on grading."""
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "deploy/report/README.md").read_text(), re.DOTALL)
     return str(code)
 
 
 def test_checks_of_services_count_in_every_mode(tmp_path: Path) -> None:
-    """The modes side by side."""
+    """The modes run in parallel."""
     with ThreadPoolExecutor() as pool:
         for mode, done in [(each, pool.submit(_run_checks, tmp_path / each, each)) for each in ("lockstep", "real")]:
             with case(mode):

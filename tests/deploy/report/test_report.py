@@ -116,7 +116,7 @@ def test_the_picture_is_a_png_of_a_readable_size(folder: Path) -> None:
 
 
 def test_everything_drawn_has_data_units_and_a_look_of_its_own(folder: Path, measured: Measurements) -> None:
-    """Two robots that do the same, one of them with a long name: both are seen, and told apart without colours."""
+    """Two robots with the same motion, one with a long name, can both be seen and told apart without colours."""
     figure = draw_figure(build_report(measured, FACTS, {}), folder / "trajectories.npz")
     assert [each.get_title(loc="left") for each in figure.axes] == [
         "Paths seen from above",
@@ -136,7 +136,7 @@ def test_everything_drawn_has_data_units_and_a_look_of_its_own(folder: Path, mea
 
 @pytest.mark.slow
 def test_the_picture_has_the_world_around_what_was_driven(tmp_path: Path) -> None:
-    """The robots drive within 1 m; a box stands beside, one moves along, a third is far off, a wall goes far away."""
+    """The robots drive within 1 m; one box stands beside them, one moves, a third is far off, and a wall is long."""
     run = measure_all(list(robot_messages("tb3_0", 0.0)), ("tb3_0",))
     size = Vector3(x=0.4, y=0.4, z=0.4)
     long, red = Vector3(x=200.0, y=0.1, z=0.4), ColorRGBA(r=1.0, a=1.0)
@@ -183,11 +183,11 @@ def test_a_change_that_was_not_made_and_a_node_that_was_missing_are_named(measur
     conduct.on_scheduled_changes(
         ScheduledChanges(changes=(ScheduledChange(number=0, made=True, time=Time(sec=1)), told))
     )
-    # The parameter service was started anew, and tells of its own life alone.
+    # The parameter service was restarted and reports only its own lifetime.
     conduct.on_scheduled_changes(ScheduledChanges(changes=(ScheduledChange(number=1, made=True, time=Time(sec=3)),)))
     conduct.on_sim_status(b"first", SimStatus(begun=True, absent=("/logger",), lags=2, lag=0.5))
     conduct.on_sim_status(b"second", SimStatus(begun=True, lags=1, lag=0.25))
-    # In the file they stand in any order.
+    # The fleet file has them in any order.
     changes = conduct.change_figures((late, refused, made), measured.sim_seconds)
     assert [(each.at_s, each.made, each.made_at_s) for each in changes[:2]] == [(1.0, True, 1.0), (2.0, False, None)]
     assert changes[2].made is None
@@ -268,7 +268,7 @@ def test_without_bounds_points_collisions_and_losses_are_checked(measured: Measu
 
 
 def test_what_was_not_measured_misses_its_bound(measured: Measurements) -> None:
-    """Whether one robot did not measure it, or none of the run has it: in JSON, table, verdict and ``ok`` alike."""
+    """Whether one robot or the whole run lacks it; JSON, table, verdict and ``ok`` agree."""
     unseen = msgspec.structs.replace(
         measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None, collisions=None
     )
@@ -328,9 +328,9 @@ def test_a_robot_without_a_plan_or_a_base_has_no_checks_of_them(measured: Measur
 
 
 def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measurements) -> None:
-    """One that took leave is told of, and is lost if its process failed.
+    """A member that left in order is only noted, but counts as lost if its process failed.
 
-    Without lockstep neither is asked for, and in lockstep it must be known.
+    Without lockstep neither is checked; in lockstep the lost members must be known.
     """
     lost = msgspec.structs.replace(measured, members_lost=("/tb3_0/waypoint",))
     report = build_report(lost, FACTS, {})
@@ -444,7 +444,7 @@ STUCK, LATE = "tb3_17", "tb3_88"
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory: pytest.TempPathFactory, folder: Path, measured: Measurements) -> tuple[Path, Report]:
-    """A hundred robots of which one hit another and did not reach its goals, and one left its path far."""
+    """A run of a hundred robots: one collided and missed its goals, one strayed far from its path."""
     made = tmp_path_factory.mktemp("many")
     with np.load(folder / TRAJECTORIES_FILE) as stored:
         arrays = dict(stored)

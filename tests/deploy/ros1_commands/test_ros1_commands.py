@@ -1,4 +1,4 @@
-"""The commands of ROS 1 in a shell: what they call, and the variables that the shell code sets."""
+"""The ROS 1 commands in a shell: the commands that they call, and the variables that the shell code sets."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from services.runtime.fleet_instances import FleetInstance
 
 
 class Replaced(Exception):
-    """In place of the end of this process."""
+    """Raised instead of replacing this process."""
 
 
 @pytest.fixture
 def executed(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """The command lines by which the process would have been replaced."""
+    """The command lines that would have replaced the process."""
     found: list[list[str]] = []
 
     def execve(program: str, arguments: list[str], environment: dict[str, str]) -> NoReturn:

@@ -1,4 +1,4 @@
-"""A bus that needs no network: the children of these tests append their heartbeats to a file."""
+"""A bus without a network: the children of these tests append their heartbeats to a file."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from services.runtime.errors import BadInput
 
 
 class FakeBus:
-    """Heartbeats from ``folder``/beats, one JSON object a line; ``mute`` names nodes whose beats are lost.
+    """Reads heartbeats from ``folder``/beats, one JSON object per line; ``mute`` names nodes whose heartbeats are lost.
 
-    ``answers_router`` tells whether the network works otherwise.
+    ``answers_router``: whether the router answers, so that the network works otherwise.
     """
 
     def __init__(self, folder: Path) -> None:

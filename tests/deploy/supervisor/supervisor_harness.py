@@ -23,19 +23,20 @@ from tests.deploy.supervisor.fake_bus import FakeBus
 from tests.harness.cases import case
 
 WITHIN_S = 80.0
-"""Wall time for whatever a scenario waits for: with fifteen processes for each processor, a loop that never ends is
-known as such only after half a minute."""
+"""Wall time limit of each wait in a scenario: with fifteen processes per processor, an endless loop is detected only
+after half a minute.
+"""
 
 
 def faulty_process(script: str, node: str, *arguments: str, **options: Any) -> ProcessSpec:
-    """A faulty child as a process of a fleet."""
+    """Return a faulty child as a process of a fleet."""
     argv = (sys.executable, "-P", "-m", f"tests.deploy.supervisor.faulty.{script}", node, *arguments)
     kind = options.pop("kind", script)
     return ProcessSpec(name=node.strip("/"), nodes=(NodeSpec(name=node, kind=kind),), kind=kind, argv=argv, **options)
 
 
 class SupervisorHarness:
-    """A run's folder, a warden and a bus; it witnesses every change of state."""
+    """A run's folder, a reaper and a fake bus; records every state change."""
 
     def __init__(self, folder: Path, patience: Sequence[float] = (0.5, 0.5), grace: float = 20.0) -> None:
         (folder / "logs").mkdir(parents=True, exist_ok=True)
@@ -62,18 +63,18 @@ class SupervisorHarness:
         pass
 
     def print_line(self, line: str) -> None:
-        """What a person is told, when this is the screen too."""
+        """Record a line that a user would see, where the harness is the screen too."""
         self.notes.append(line)
 
     def set_status(self, line: str) -> None:
         pass
 
     def states(self, name: str) -> list[str]:
-        """The states that a process went through."""
+        """Return the states that a process went through."""
         return [state for _, process, state in self.state_changes if process == name]
 
     def time_of(self, name: str, state: str, occurrence: int = 0) -> float:
-        """When a process came to a state [s]."""
+        """Return when [s, monotonic clock] a process entered a state for the ``occurrence``-th time, from 0."""
         return [at for at, process, reached in self.state_changes if (process, reached) == (name, state)][occurrence]
 
     def log(self, name: str) -> str:
@@ -85,7 +86,7 @@ class SupervisorHarness:
         return asyncio.run(self.play(script, *processes))
 
     async def play(self, script: Callable[[Supervisor], Any], *processes: ProcessSpec) -> Outcome:
-        """The same, for a test in which several run beside each other."""
+        """Like ``run``, for tests that run several at once."""
         supervisor = self.supervisor(*processes)
         running = asyncio.create_task(supervisor.run())
         try:
@@ -100,7 +101,7 @@ class SupervisorHarness:
 
 
 def play_side_by_side(folder: Path, scenarios: Sequence[Callable[[SupervisorHarness], Awaitable[None]]]) -> None:
-    """Play scenarios beside each other, since most of each is waiting; each in a folder of its own."""
+    """Play scenarios concurrently, as each mostly waits; each has a folder of its own."""
 
     async def play(scenario: Callable[[SupervisorHarness], Awaitable[None]], name: str) -> None:
         with case(name):
@@ -115,7 +116,7 @@ def play_side_by_side(folder: Path, scenarios: Sequence[Callable[[SupervisorHarn
 
 
 async def wait_until(condition: Callable[[], object], seconds: float = WITHIN_S) -> None:
-    """Wait for a condition; fail when it does not come."""
+    """Wait until a condition holds; fail after ``seconds``."""
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "it did not happen in time"
@@ -123,12 +124,12 @@ async def wait_until(condition: Callable[[], object], seconds: float = WITHIN_S)
 
 
 async def wait_all_ready(supervisor: Supervisor) -> None:
-    """Wait until every process beats."""
+    """Wait until every process is ready."""
     await wait_until(lambda: all(life.state == "ready" for life in supervisor.processes.values()))
 
 
 def has_ended(pid: int) -> bool:
-    """Whether a process has ended; a zombie that nobody has reaped counts as ended."""
+    """Whether a process has ended; a zombie counts as ended."""
     try:
         return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -136,7 +137,7 @@ def has_ended(pid: int) -> bool:
 
 
 def unexcused_silence(log: str) -> float:
-    """For how long the process that was killed last had been silent while it could have beaten [s]."""
+    """Return how long [s] the process killed last was silent while it had a processor."""
     said = re.findall(r"no heartbeat for ([\d.]+) s(?:, ([\d.]+) s of them in wait for a processor)?", log)
     assert said, log
     silent, held_up = said[-1]
@@ -144,4 +145,4 @@ def unexcused_silence(log: str) -> float:
 
 
 FAST_POLICY = RestartPolicy(first=0.05, longest=0.2, limit=3)
-"""A policy that gives up soon."""
+"""A policy that gives up quickly."""

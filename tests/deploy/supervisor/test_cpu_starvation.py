@@ -1,4 +1,4 @@
-"""On an overloaded machine, a process that waits for a CPU is left alone, and one that hangs is killed."""
+"""On an overloaded machine, a process that waits for a processor is left alone, and a hung one is killed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.deploy.supervisor.supervisor_harness import (
 )
 
 SILENT_S = HEARTBEAT_TIMEOUT_S + 1.0
-"""Longer than a process that hangs is left alone."""
+"""Longer than a hung process is tolerated [s]."""
 
 
 def test_who_waits_for_a_processor_is_told_from_who_hangs(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""How long a process was held up by the machine: from figures of the kernel, and of processes that run here."""
+"""The time that a process waited for a processor, from synthetic kernel figures and from real processes."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_where_nothing_is_told_nothing_is_excused() -> None:
 
 
 def test_a_process_that_is_stopped_is_not_held_up() -> None:
-    """It would not go on if it got a processor."""
+    """It wouldn't run even if it got a processor."""
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as spins:
         try:
             wait_until(lambda: read_threads(spins.pid) and read_threads(spins.pid)[spins.pid].ran > 0.05 * NS)

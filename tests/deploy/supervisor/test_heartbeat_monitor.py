@@ -1,4 +1,4 @@
-"""When a process counts as hanging, on a clock of numbers."""
+"""When a process counts as hung, on a fake clock."""
 
 from __future__ import annotations
 

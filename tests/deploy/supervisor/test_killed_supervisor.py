@@ -13,7 +13,7 @@ from tests.deploy.supervisor.supervisor_harness import has_ended
 from tests.harness.waiting import wait_until
 
 FAMILY = 5
-"""Three children, a grandchild and the warden."""
+"""Number of processes: three children, a grandchild and the reaper."""
 
 
 def test_nothing_survives_kill_9(tmp_path: Path) -> None:
@@ -38,6 +38,6 @@ def _family(supervisor: subprocess.Popen[bytes]) -> list[int]:
 
 
 def _ready(folder: Path) -> bool:
-    """Whether all three children beat: the deaf one has then made itself deaf."""
+    """Whether all three children have sent a heartbeat; the deaf one ignores signals from then on."""
     beats = folder / "beats"
     return beats.exists() and all(f'"/{name}"' in beats.read_text() for name in "abc")

@@ -1,4 +1,4 @@
-"""The restart policy replays histories written as data, on a clock of numbers."""
+"""The restart policy on histories written as data, with a fake clock."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from deploy.restart_policy import ExitDecision, Failed, Finished, Restart, Resta
 from services.runtime.errors import TRY_AGAIN
 
 MIDDLE = 0.5
-"""A chance that draws no jitter."""
+"""A random number that gives no jitter."""
 
 
 def replay(policy: RestartPolicy, exits: list[tuple[float, int]], chance: float = MIDDLE) -> list[ExitDecision]:
-    """The verdicts on exits, each (time since the last start, status)."""
+    """Return the decisions on exits, each given as (time since the last start, exit status)."""
     now, restarts, verdicts = 0.0, list[float](), list[ExitDecision]()
     for lived, status in exits:
         now += lived

@@ -1,4 +1,4 @@
-"""Concurrent requests: a name never has two processes, and the fleet ends with all of them."""
+"""Concurrent requests: a name never has two processes, and all processes end with the fleet."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.harness.processes import Network
 
 
 def processes(node: str) -> list[psutil.Process]:
-    """The children of this test that run under the node's name."""
+    """Return this test's child processes for the node."""
     alive = []
     for each in psutil.Process().children():
         try:
@@ -93,7 +93,7 @@ async def _two_orders(stage: SupervisorHarness, first: ProcessAction, name: str)
 
 
 class TransportGate:
-    """A bus whose orders are held back while it is shut: they are then answered in one turn."""
+    """A bus that holds requests back while ``shut``, so that they are then answered in one turn."""
 
     def __init__(self, bus: SupervisorNode, behind: QueryServer, stage: SupervisorHarness) -> None:
         self.shut, self.behind = False, behind
@@ -130,7 +130,7 @@ def test_two_starts_over_the_network_answered_in_one_turn(tmp_path: Path) -> Non
             gate.shut = True
             payload, asked = encode(Name(name="a")), key(SUPERVISOR_START.name)
             pending = [node.transport.query_async(asked, payload, 20.0) for _ in range(2)]
-            node.transport.query_async("behind", b"", 20.0)  # what arrives behind both tells that they are there
+            node.transport.query_async("behind", b"", 20.0)  # its arrival shows that both earlier requests have arrived
             await wait_until(gate.behind.recv)
             gate.shut = False
             for each in pending:
@@ -165,7 +165,7 @@ def test_two_starts_over_the_network_answered_in_one_turn(tmp_path: Path) -> Non
 
 
 async def answer(pending: PendingReplies, transport: Transport) -> Done | CallFailed:
-    """The reply to an order, or why it was refused."""
+    """Wait for the reply to a request; return it, or the error if it was rejected."""
     replies = None
     while replies is None:
         await asyncio.sleep(0.02)

@@ -1,4 +1,4 @@
-"""What the supervisor restarts, how soon, and when it gives up: crashes, hangs and crash loops of processes."""
+"""What the supervisor restarts, how soon, and when it gives up: crashes, hangs and crash loops."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ async def hanging_loop(stage: SupervisorHarness) -> None:
 
 
 async def endless_loop(stage: SupervisorHarness) -> None:
-    """It is no wait for a processor."""
+    """An endless loop isn't mistaken for waiting for a processor."""
 
     async def watch(supervisor: Supervisor) -> None:
         await wait_until(lambda: stage.states("a").count("ready") == 2)
@@ -61,7 +61,7 @@ async def endless_loop(stage: SupervisorHarness) -> None:
 
 
 async def stopped_process(stage: SupervisorHarness) -> None:
-    """It counts as hanging."""
+    """A stopped process counts as hung."""
 
     async def freeze(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
@@ -72,12 +72,12 @@ async def stopped_process(stage: SupervisorHarness) -> None:
 
 
 async def no_heartbeat_at_all(stage: SupervisorHarness) -> None:
-    """While the router answers, the fault is the topic, and nobody is killed."""
+    """While the router answers, the fault is the topic's, and no process is killed."""
     await _lose_the_topic(stage, flood=False)
 
 
 async def heartbeats_lost_in_a_flood(stage: SupervisorHarness) -> None:
-    """The fault is whoever sends so much, and nobody is killed."""
+    """The fault is the flooding publisher's, and no process is killed."""
     await _lose_the_topic(stage, flood=True)
 
 
@@ -106,7 +106,7 @@ async def _lose_the_topic(stage: SupervisorHarness, flood: bool) -> None:
 
 
 async def no_heartbeat_and_no_router(stage: SupervisorHarness) -> None:
-    """Without an answer of the router, each is judged."""
+    """Without an answer from the router, each process is judged by its own heartbeat."""
 
     async def lose(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
@@ -117,7 +117,7 @@ async def no_heartbeat_and_no_router(stage: SupervisorHarness) -> None:
 
 
 async def silence_while_the_router_is_down(stage: SupervisorHarness) -> None:
-    """A router that hangs silences everybody, and comes back some time before they are heard again."""
+    """A hung router silences all processes, and is back some time before their heartbeats arrive again."""
 
     async def silence(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)

@@ -1,4 +1,4 @@
-"""How a fleet of real processes ends: by its grader, by a required process, by force, and with all grandchildren."""
+"""How a fleet of real processes ends: by its grader, by a required process, by force; with all grandchildren."""
 
 from __future__ import annotations
 
@@ -64,13 +64,13 @@ async def required_process_that_fails_ends_the_fleet(stage: SupervisorHarness) -
 
 
 async def its_node_has_ended(supervisor: Supervisor) -> None:
-    """Wait until the only node of the process ``c`` has said that it ends."""
+    """Wait until the only node of the process ``c`` has reported that it is stopping."""
     await wait_all_ready(supervisor)
     await wait_until(lambda: supervisor.processes["c"].activity == "stopping")
 
 
 async def a_process_that_is_about_to_crash_has_crashed_though_its_fleet_ends(stage: SupervisorHarness) -> None:
-    """Its traceback takes a while; a run in lockstep may be over within that."""
+    """Printing its traceback takes a while, within which a lockstep run may end."""
     outcome = await stage.play(
         its_node_has_ended, faulty_process("end_slowly", "/c", "0.5"), faulty_process("good", "/a")
     )

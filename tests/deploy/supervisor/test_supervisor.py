@@ -1,4 +1,4 @@
-"""The supervisor with real processes: order, state, orders and logs."""
+"""The supervisor with real processes: start order, published state, requests and logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sweep without its runs: axes, input refused before anything starts, its folder, table and picture."""
+"""A sweep without its runs: axes, input rejected before anything starts, its folder, table and picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Its configuration is bad, and will be when it is started again."""
+"""Exits with bad input, as it will on every restart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lacks a dependency: it exits before it has joined the network."""
+"""Exits before it joins the network, for lack of a dependency."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Its loop waits for a lock that it holds itself."""
+"""Deadlocks: its loop waits for a lock that it holds itself."""
 
 from __future__ import annotations
 

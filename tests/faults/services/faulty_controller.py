@@ -1,4 +1,4 @@
-"""Common parts of the faulty services: they drive at full speed until they are told to fail."""
+"""Common parts of the faulty controllers, which drive at full speed until a message makes them fail."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from services.runtime.context import Context
 
 FAULT = Topic("~fault", String, 0, Quality.EVENT, "makes a faulty service fail")
 FULL_SPEED = Twist.planar(0.22, 0.0)
-"""m/s; a burger's top speed, see models/burger."""
+"""A burger's top speed [m/s], see models/burger."""
 
 
 def faulty_controller(name: str, fail: Callable[[], None]) -> Service:
-    """A controller that calls ``fail`` in its loop, right after a command, when it is told to."""
+    """Return a controller that calls ``fail`` in its loop, right after a command, on request."""
 
     def run(ctx: Context[Parameters]) -> None:
         told = ctx.stream(FAULT)

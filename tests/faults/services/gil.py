@@ -1,4 +1,4 @@
-"""Foreign code holds the interpreter's lock: no Python thread of the process runs any more."""
+"""Foreign code holds the GIL, so no Python thread of the process runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Starts a child process, which does not end with its parent."""
+"""Starts a child process that doesn't end with its parent."""
 
 from __future__ import annotations
 

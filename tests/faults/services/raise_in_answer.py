@@ -1,4 +1,4 @@
-"""It raises while it answers a request."""
+"""Raises while answering a request."""
 
 from __future__ import annotations
 

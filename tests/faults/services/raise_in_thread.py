@@ -1,4 +1,4 @@
-"""One of its threads dies, while its loop would go on."""
+"""Raises in one of its threads, while its loop could continue."""
 
 from __future__ import annotations
 

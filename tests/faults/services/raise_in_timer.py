@@ -1,4 +1,4 @@
-"""A timer that it has set raises, while its loop would go on."""
+"""Raises in a timer, while its loop could continue."""
 
 from __future__ import annotations
 

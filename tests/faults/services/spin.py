@@ -1,4 +1,4 @@
-"""Its loop never returns from a calculation."""
+"""Its loop never returns from a computation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The catalogue: the standard packages are those of ROS, and a workspace's own are read with clear errors."""
+"""The interface catalogue: the standard packages of ROS, and a workspace's own packages with clear errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from messages.interfaces.definition import parse_action, parse_message, parse_se
 from tests.harness.cases import case
 
 MD5 = [line.split() for line in (Path(__file__).parent / "ros1_md5.txt").read_text().splitlines()]
-"""Checksums that genmsg of ROS Noetic computed from the original files."""
+"""Checksums computed by ROS Noetic's genmsg from the original files."""
 
 
 def test_ros_1_types_have_the_checksums_of_ros_1() -> None:
@@ -120,7 +120,7 @@ def test_a_bad_definition_is_refused_with_file_and_line() -> None:
 
 
 def make_package(folder: Path, files: dict[str, str | bytes]) -> Path:
-    """A package's folder with these definitions."""
+    """Write a package's folder with these definitions; return it."""
     for name, text in files.items():
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)

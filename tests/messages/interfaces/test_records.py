@@ -1,4 +1,4 @@
-"""Records of types without a class of ours: on the bus, in CDR as others read it, and learned from other processes."""
+"""Records generated for types without a class of ours: on the bus, in CDR, and learned from other processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The arm's joint without an engine: what a test of laws and loops needs of it."""
+"""A model of the arm's joint without a physics engine, to test control laws and loops."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ INERTIA, TORQUE, REST = 3.865, 27.148, math.radians(-1.4635)
 
 @dataclass
 class Pendulum:
-    """At ``angle`` [rad], turning at ``rate`` [rad/s]."""
+    """A joint at ``angle`` [rad] turning at ``rate`` [rad/s]."""
 
     angle: float = 0.0
     rate: float = 0.0
 
     def step(self, effort: float) -> None:
-        """One physics step under an effort [N m]."""
+        """Advance by one physics step under an effort [N m]."""
         self.rate += DT * (effort - TORQUE * math.sin(self.angle - REST)) / INERTIA
         self.angle += DT * self.rate
 

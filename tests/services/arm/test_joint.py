@@ -1,4 +1,4 @@
-"""The joint out of its states: angle and mean rate, and what is done where there is no mean."""
+"""The joint's angle and mean rate from joint states, and the fallback where there is no mean."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_after_a_gap_it_is_what_is_told() -> None:
 
 
 def test_an_arm_that_is_put_elsewhere_has_not_moved_fast() -> None:
-    """The change of its angle alone would be 4000 deg/s, and a blow of the whole saturation."""
+    """The difference of its angles would give 4000 deg/s, and an effort at saturation."""
     joint = JointReader("j")
     read(joint, state(100, 0.0, 2.0))
     assert read(joint, state(110, 40.0, 0.0)).rate == pytest.approx(2.0)

@@ -1,4 +1,4 @@
-"""The arm service's laws on the arm in real PyBullet, at three rates, with references as they come."""
+"""The arm service's control laws on the arm in real PyBullet, at three rates, with references on time and late."""
 
 from __future__ import annotations
 
@@ -24,17 +24,18 @@ from tests.services.sim.physics.driven_robot import STEP_NS
 pytestmark = pytest.mark.slow
 
 RATES = (50, 100, 200)
-"""Hz."""
+"""Control rates [Hz]."""
 LAWS = ("tutorial", "default")
 STEPS = 1_000_000_000 // STEP_NS
-"""Physics steps in a second."""
+"""Physics steps per second."""
 REFERENCE = STEPS // 50
 """Physics steps between two references."""
 
 
 class Played(NamedTuple):
-    """What came of a run: the exercise as the controller saw it and as the joint went at each physics step, and the
-    efforts [N m] after each step."""
+    """The result of a run: the metrics as seen by the controller and as the joint moved at each physics step, and the
+    effort [N m] after each step.
+    """
 
     exercise: SetPointMetrics
     truth: SetPointMetrics
@@ -52,8 +53,9 @@ def play(
     change: Change | None = None,
     late: Callable[[], int] = lambda: 0,
 ) -> Played:
-    """The service's tick without its bus: in lockstep, what was published at a step is seen at the next; else so many
-    ticks ``late`` that another one may be the next."""
+    """Run the service's tick without its bus. A reference arrives one physics step after it is published, as in
+    lockstep, plus ``late`` control ticks.
+    """
     controller, joint, target = ArmController(), JointReader(JOINT), ReferenceInterpolator()
     exercise, truth = SetPointMetrics(), SetPointMetrics()
     every = round(STEPS / p.rate)
@@ -81,7 +83,7 @@ def play(
 
 
 def states(on: ArmSimulation, now: int) -> JointState:
-    """As the simulation tells them."""
+    """Return the joint states that the simulation would publish."""
     position, velocity = (math.radians(on.angle),), (on.rate,)
     return JointState(header=Header(stamp=Time.of(now)), name=(JOINT,), position=position, velocity=velocity)
 
@@ -137,7 +139,7 @@ def test_a_sine_by_the_tutorials_law(rate: int) -> None:
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("gravity", [False, True])
 def test_the_default_law_is_no_worse_in_any_figure(rate: int, gravity: bool) -> None:
-    """Within 0.5 ms of the rise, a tenth of what telemetry resolves, and 0.0005 deg of an error in motion."""
+    """Within 0.5 ms of rise time, a tenth of the telemetry's resolution, and 0.0005 deg of tracking error."""
     ours, tutorial = stepped("default", rate, gravity), stepped("tutorial", rate, gravity)
     assert ours.steady_error_deg <= tutorial.steady_error_deg + 1e-6
     assert ours.overshoot_percent <= tutorial.overshoot_percent + 1e-6
@@ -156,7 +158,7 @@ def test_the_default_law_is_no_worse_in_any_figure(rate: int, gravity: bool) -> 
 
 @pytest.mark.parametrize("rate", RATES)
 def test_a_motion_that_is_fed_forward_leaves_hardly_an_error(rate: int) -> None:
-    """Weight and inertia; the tutorial's law, whose stairs tell no acceleration, is left with 0.057 deg."""
+    """Weight and inertia are fed forward; the tutorial's law, whose steps give no acceleration, leaves 0.057 deg."""
     tracking = swung("default", rate, True).exercise.tracking
     assert tracking.rms is not None
     assert tracking.rms < 0.004
@@ -165,7 +167,7 @@ def test_a_motion_that_is_fed_forward_leaves_hardly_an_error(rate: int) -> None:
 
 @pytest.mark.parametrize("rate", [100, 200])
 def test_late_references_are_no_kicks(rate: int) -> None:
-    """As on a busy machine in real time, where half of them come a tick late: the error to what is truly wanted."""
+    """As in real time on a busy machine, half of them arrive a tick late; the error is against the true reference."""
     errors, efforts = {}, {}
     for law in LAWS:
         dice = random.Random(1)
@@ -182,7 +184,7 @@ def test_late_references_are_no_kicks(rate: int) -> None:
 
 @pytest.mark.parametrize("rate", [40.0, 200.0 / 3.0])
 def test_a_rate_that_hears_no_two_references_alike_has_no_kicks(rate: float) -> None:
-    """At 40 Hz four references come 25 ms after each other and the fifth with the fourth."""
+    """At 40 Hz, four references arrive 25 ms apart and the fifth together with the fourth."""
     tracking = swung("default", rate).exercise.tracking
     assert tracking.rms == pytest.approx(0.19, abs=0.02)
     assert _hardest(swung("default", rate)) < 13.0
@@ -195,7 +197,7 @@ def _hardest(played: Played) -> float:
 
 @pytest.mark.parametrize("rate", RATES)
 def test_changing_the_controller_is_no_bump(rate: int) -> None:
-    """By the default law the effort goes on where it was; by the tutorial's law it jumps."""
+    """With the default law the effort continues; with the tutorial's law it jumps."""
     jumps = {}
     for law in LAWS:
         p = ArmParameters(law=law, rate=rate, controller_type="tr", tr_Ki=20.0)

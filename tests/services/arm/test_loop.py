@@ -1,4 +1,4 @@
-"""The arm service's loop on the transport in memory; the test plays the simulation and the reference."""
+"""The arm service's loop on the in-memory transport; the test plays the simulation and the reference."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STEP_MS = 5
 
 
 class ArmLoopHarness:
-    """The arm under its service: one control tick is two physics steps."""
+    """A simulated arm and its service; one control tick is two physics steps."""
 
     def __init__(self, bench: ServiceHarness) -> None:
         self.bench, self.arm = bench, Pendulum(angle=0.2)
@@ -37,7 +37,7 @@ class ArmLoopHarness:
         self.jobs: list[JointEffort] = []
 
     def tick(self, reference: float | None = None, states: bool = True, acts: bool = True) -> None:
-        """One tick of the service; ``acts`` tells whether it should send an effort."""
+        """Run one tick of the service; ``acts``: whether it should publish an effort."""
         now = Time.of(self.ms * 1_000_000)
         if states:
             position, rate = (self.arm.angle,), (self.arm.rate,)
@@ -54,12 +54,12 @@ class ArmLoopHarness:
         self.ms += 2 * STEP_MS
 
     def idle(self, reference: float | None = None) -> bool:
-        """A tick at which no effort is waited for; never true."""
+        """Run a tick without waiting for an effort; return False, so that ``wait_until`` can call it."""
         self.tick(reference, acts=False)
         return False
 
     def run(self, seconds: float, reference: Callable[[float], float | None] = lambda _: None) -> None:
-        """Ticks; references come at every second one."""
+        """Run ticks for ``seconds``, with a reference at every second one."""
         for number in range(round(seconds * 100)):
             self.tick(reference(self.ms / 1000) if number % 2 == 0 else None)
 
@@ -145,7 +145,7 @@ def test_what_the_joint_cannot_do_is_refused(absurd: float) -> None:
 
 
 def test_a_motion_does_not_go_on_beyond_the_joint() -> None:
-    """Between the samples at 89.8 and at 90 deg it would reach 90.2."""
+    """Extrapolated from the samples at 89.8 and 90 deg it would reach 90.2 deg."""
     with standing() as stand:
         stand.run(1.2, lambda time: min(90.0, 65.0 + 31.0 * round(time * 50) / 50))
         wanted = [each.set_point for each in stand.bench.drain(CONTROL_STATE)]
@@ -172,7 +172,7 @@ def test_when_time_begins_anew_nothing_of_before_counts() -> None:
     with standing(ArmParameters(controller_type="tr", tr_Ki=50.0)) as stand:
         stand.run(1.0, lambda _: 30.0)
         stand.ms, stand.epoch, stand.arm = 0, 1, Pendulum()
-        # What came with the reset is not looked at, so the first tick sees no joint.
+        # Messages that arrived with the reset are ignored, so the first tick has no joint state.
         wait_until(lambda: stand.idle() or stand.bench.drain(JOINT_EFFORT))
         stand.run(0.3)
         assert abs(stand.arm.degrees) < 2.0, "held where it was found, without the integral of before"

@@ -1,4 +1,4 @@
-"""The default law: filter, windup, and changes that are no bumps; and what the tutorial's does instead."""
+"""The default law: filter, anti-windup and bumpless changes, compared with the tutorial's law."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_the_gains_are_those_of_the_controller_that_is_chosen() -> None:
 
 
 def test_a_jump_of_the_reference_is_no_kick() -> None:
-    """By the tutorial's law 3 degrees within 10 ms are 840 N m through kd alone, which fills the saturation."""
+    """In the tutorial's law, 3 degrees within 10 ms make 840 N m through kd alone, beyond the saturation."""
     quiet = Pid()
     quiet.step(gains(kd=2.8), at(0.0), DT_CONTROL)
     assert quiet.step(gains(kd=2.8), at(3.0), DT_CONTROL) == pytest.approx(30.0)
@@ -57,7 +57,7 @@ def test_the_rate_is_filtered() -> None:
 
 
 def test_tracking_feeds_forward_what_the_motion_takes() -> None:
-    """3.8655 kg m2 at 100 deg/s2, beside the weight; a set-point has no acceleration to follow."""
+    """3.8655 kg m2 at 100 deg/s2, plus the weight; a set point has no acceleration to follow."""
     tracking, resting = ArmParameters(controller_type="tr", gravity=True), ArmParameters(gravity=True)
     for p, more in ((tracking, 3.8655 * math.radians(100.0)), (resting, 0.0)):
         fed = select_gains(p)
@@ -85,7 +85,7 @@ def test_the_integral_is_summed_over_time_and_rests_without_it() -> None:
 
 
 def test_a_joint_that_is_held_winds_nothing_up_beyond_the_saturation() -> None:
-    """The integral of the tutorial's law, unguarded, would be 3000 N m after the minute."""
+    """The tutorial's integral without its guard would be 3000 N m after a minute."""
     law, stuck = Pid(), gains(kp=1.0, ki=10.0, kd=0.1)
     for _ in range(6000):
         assert law.step(stuck, at(5.0), DT_CONTROL) <= 200.0
@@ -137,7 +137,7 @@ def test_the_law_itself_is_changed_without_a_bump_into_the_default() -> None:
 
 
 def test_the_tutorial_keeps_its_guard() -> None:
-    """It bounds the sum to 20 deg s: with 0.3 that is 6 N m, which cannot hold the arm."""
+    """It bounds the error sum to 20 deg s: with ki = 0.3 that is 6 N m, which can't hold the arm."""
     law = TutorialPid()
     for _ in range(1000):
         effort = law.step(gains(kp=0.0, ki=0.3), 20.0, 30.0, 0.0, DT_CONTROL)
@@ -146,7 +146,7 @@ def test_the_tutorial_keeps_its_guard() -> None:
 
 
 def test_an_arm_that_swings_comes_to_rest_where_it_should() -> None:
-    """From far off and at speed, with the saturation reached on the way."""
+    """It starts far off and moving, and reaches the saturation on the way."""
     arm, controller, p = Pendulum(angle=-1.4, rate=3.0), ArmController(), ArmParameters(gravity=True)
     for step in range(800):
         if step % 2 == 0:

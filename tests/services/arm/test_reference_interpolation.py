@@ -1,4 +1,4 @@
-"""What the arm makes of references that come less often than it acts."""
+"""Interpolation of references that arrive less often than the arm's control ticks."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_step_stays_a_step(before: list[float]) -> None:
 
 
 def test_it_goes_on_for_an_interval_and_then_stands() -> None:
-    """For one and a half, since a sample may be late."""
+    """For one and a half intervals, since a sample may be late."""
     target, now = taught([0.0, 1.0, 2.0, 3.0])
     assert target.at(now + 10 * MS, smooth=True).angle == pytest.approx(3.5)
     assert target.at(now + 20 * MS, smooth=True) == pytest.approx((4.0, 50.0, 0.0))
@@ -59,8 +59,9 @@ def test_the_tutorials_law_has_the_steps() -> None:
 
 
 def heard(tick: int, late: int, lost: float = 0.0, seed: int = 1) -> list[tuple[int, SetPoint, float, float]]:
-    """Ticks every ``tick`` ms that hear a sine of 50 Hz, each sample up to ``late`` ticks late, some of them never:
-    time [ms], what is wanted, and what truly is, deg and deg/s."""
+    """Ticks every ``tick`` ms that receive a sine sampled at 50 Hz, each sample up to ``late`` ticks late and a share
+    ``lost`` dropped; return time [ms], set point, and the true angle [deg] and rate [deg/s].
+    """
     dice, target, waiting, told = random.Random(seed), ReferenceInterpolator(), [(0, 0.0)], []
     w = math.tau * 0.2
     for ms in range(0, 5000, 5):
@@ -77,7 +78,7 @@ def heard(tick: int, late: int, lost: float = 0.0, seed: int = 1) -> list[tuple[
 
 @pytest.mark.parametrize(("tick", "late", "lost", "off"), [(5, 1, 0.0, 0.3), (5, 2, 0.0, 0.5), (10, 0, 0.05, 0.05)])
 def test_late_and_lost_samples_do_not_halt_the_motion(tick: int, late: int, lost: float, off: float) -> None:
-    """As stairs they would: the rate fell to 0 with each of them, which is a blow of 49 N m."""
+    """Without interpolation they would: the rate fell to 0 at each, a torque spike of 49 N m."""
     for _, wanted, angle, rate in heard(tick, late, lost)[1000 // tick :]:
         assert wanted.angle == pytest.approx(angle, abs=off)
         assert wanted.rate == pytest.approx(rate, abs=max(8.0, 0.2 * abs(rate)))
@@ -85,7 +86,7 @@ def test_late_and_lost_samples_do_not_halt_the_motion(tick: int, late: int, lost
 
 @pytest.mark.parametrize("seconds", [0.25, 1.0, 5.0])
 def test_references_that_come_seldom_are_steps(seconds: float) -> None:
-    """Three by hand, of 10 deg each, are no motion of which a fourth could be foretold."""
+    """Three manual steps of 10 deg each aren't a motion to extrapolate."""
     target, now = taught([0.0, 10.0, 20.0, 30.0], round(seconds * 1000) * MS)
     assert [target.at(now + late * MS, smooth=True) for late in (0, 20, 200, 900)] == [SetPoint(30.0)] * 4
 

@@ -1,4 +1,4 @@
-"""Small bags for tests: written by this project, and by rosbags as ROS 2 would write them."""
+"""Small bags for tests: written by this project, and by rosbags in the format of ROS 2."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from services.bag.channel import SIDECAR, channel_of
 from services.bag.writer import BagWriter
 
 START = 1_700_000_000_000_000_000
-"""Wall time [ns] at which a bag begins."""
+"""Wall time [ns] of a bag's start."""
 STEP = 20_000_000
-"""Time between two messages of a topic, ns."""
+"""Time between two messages of a topic [ns]."""
 
 BagMessage = tuple[str, Message, int]
-"""Topic, message and simulated time [ns]."""
+"""Topic, message and simulation time [ns]."""
 
 
 def drive_messages(seconds: float, epoch: int = 0) -> Iterator[BagMessage]:
-    """A clock at 50 Hz, an odometry that moves, its command, and a description that is latched."""
+    """Yield a clock at 50 Hz, odometry of a motion, its command, and a latched robot description."""
     for tick in range(round(seconds * 1e9) // STEP + 1):
         now = tick * STEP
         yield "/clock", Clock(clock=Time.of(now), tick=tick * 4, epoch=epoch), now
@@ -45,7 +45,7 @@ def quality_of(topic: str) -> Quality:
 
 
 def write_messages(bag: BagWriter, lines: Iterator[BagMessage] | list[BagMessage], begin: int = START) -> None:
-    """Write lines as the recorder does, in real time."""
+    """Write messages as the recorder does, in real time."""
     for number, (topic, message, now) in enumerate(lines, start=1):
         main, beside = split(message)
         for each, name in ((beside, topic + SIDECAR), (main, topic)):
@@ -55,7 +55,7 @@ def write_messages(bag: BagWriter, lines: Iterator[BagMessage] | list[BagMessage
 
 
 def make_bag(folder: Path, seconds: float = 2.0) -> Path:
-    """A bag of ``drive_messages``."""
+    """Write a bag of ``drive_messages`` and return its folder."""
     with BagWriter(folder) as bag:
         write_messages(bag, drive_messages(seconds))
     return folder
@@ -65,7 +65,7 @@ TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
 
 
 def make_rosbag2_bag(folder: Path) -> Path:
-    """A bag as ROS 2 would have written it, by rosbags."""
+    """Write a bag with rosbags, as ROS 2 would, and return its folder."""
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         twist = writer.add_connection("/cmd_vel", "geometry_msgs/msg/Twist", typestore=TYPESTORE)
         log = writer.add_connection("/rosout", "rcl_interfaces/msg/Log", typestore=TYPESTORE)

@@ -1,4 +1,4 @@
-"""Bags that are none, of others, or of unknown types: each is read as far as it goes, or told for what it is."""
+"""Files that aren't bags, foreign bags, unknown types: each is read as far as possible, or rejected with the reason."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_a_claim_of_much_memory_is_not_believed(tmp_path: Path) -> None:
 
 
 def test_a_summary_that_claims_much_memory_is_not_believed(tmp_path: Path) -> None:
-    """The recorder reads the summaries of a folder in which it resumes."""
+    """The recorder reads the summaries in a folder when it resumes there."""
     file = make_bag(tmp_path / "bag", 0.1) / "bag_0.mcap"
     data = bytearray(file.read_bytes())
     summary = int.from_bytes(data[-28:-20], "little")
@@ -140,7 +140,7 @@ def test_tables_have_a_column_for_each_field(tmp_path: Path) -> None:
 
 
 def test_topics_of_one_file_name_do_not_mix_their_tables(tmp_path: Path) -> None:
-    """One topic with two types, and another one whose name is spelled like it as a file."""
+    """One topic with two types, and another whose name gives the same file name."""
     with BagWriter(tmp_path / "bag") as made:
         for number, (topic, message) in enumerate(
             (("/a/b", String(data="one")), ("/a/b", Twist()), ("/a__b", String(data="two")), ("/a/b", String(data="3")))

@@ -1,4 +1,4 @@
-"""Two bags compared: the first message that differs, and what of it the wall clock decides."""
+"""Comparison of two bags: the first message that differs, leaving out what depends on the wall clock or the folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from services.bag.writer import BagWriter
 from tests.services.bag.sample_bags import START, STEP, BagMessage, drive_messages, make_bag, write_messages
 
 CHANGED = 30
-"""The command, counted from 1, with which a difference is planted."""
+"""Number of the command, from 1, in which a difference is planted."""
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def left_bag(tmp_path: Path) -> Path:
 
 
 def difference(left_bag: Path, messages: list[BagMessage], begin: int = START) -> MessageDifference | None:
-    """Compare a bag with one of these messages."""
+    """Compare the left bag with a bag of these messages and return the first difference."""
     other = left_bag.with_name("right")
     with BagWriter(other) as bag:
         write_messages(bag, messages, begin)
@@ -37,7 +37,7 @@ def difference(left_bag: Path, messages: list[BagMessage], begin: int = START) -
 
 
 def commands(messages: list[BagMessage]) -> list[int]:
-    """Where the commands are in a list of messages."""
+    """Return the indices of the commands in a list of messages."""
     return [index for index, (topic, _, _) in enumerate(messages) if topic == "/r/cmd_vel"]
 
 
@@ -45,7 +45,7 @@ def test_equal_bags_are_the_same_whenever_they_were_recorded(left_bag: Path) -> 
     assert difference(left_bag, list(drive_messages(2.0)), begin=START + 10**15) is None
     found = compare_bags(open_bag(left_bag), open_bag(left_bag))
     assert (found.topics, found.end_s) == (5, 2.0)
-    assert found.messages == 1 + 4 * 100  # the clock has a sidecar; the last tick is where the bags were ended
+    assert found.messages == 1 + 4 * 100  # the clock has a sidecar; the bags end with the last tick
 
 
 def test_a_changed_field_is_named_with_its_topic_time_and_values(left_bag: Path) -> None:

@@ -1,4 +1,4 @@
-"""What is written: independent readers find it whole, and of a torn file ours finds all up to the last whole chunk."""
+"""Bag files: independent readers read them completely, and our reader reads a torn file up to its last whole chunk."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.services.bag.sample_bags import START, STEP, drive_messages, make_bag
 
 
 def clocks(entries: list[Entry]) -> list[Clock]:
-    """The messages of /clock, whole."""
+    """Return the decoded messages of /clock, merged with their sidecars."""
     typed = MessageDecoder()
     found = [typed.decode(each) for each in entries if each.channel.topic.startswith("/clock")]
     return [each for each in found if isinstance(each, Clock)]
@@ -89,7 +89,7 @@ def test_a_torn_file_is_read_up_to_its_last_whole_chunk(tmp_path: Path, share: f
 
 
 def test_every_cut_is_survived(tmp_path: Path) -> None:
-    """At each byte, not only where it suits: the reader neither fails nor makes anything up."""
+    """Cut at every byte, the reader neither fails nor invents messages."""
     whole, _ = entries(make_bag(tmp_path / "bag", 0.1))
     data = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
@@ -108,7 +108,7 @@ def test_a_damaged_chunk_is_left_out_and_told(tmp_path: Path) -> None:
     whole, _ = entries(tmp_path / "bag")
     file = tmp_path / "bag" / "bag_0.mcap"
     data = bytearray(file.read_bytes())
-    second = [found.start() for found in re.finditer(rb"\x28\xb5\x2f\xfd", data)][1]  # where zstd begins
+    second = [found.start() for found in re.finditer(rb"\x28\xb5\x2f\xfd", data)][1]  # start of zstd data
     data[second + 60] ^= 0xFF
     file.write_bytes(data)
     found, read = entries(file)
@@ -166,7 +166,7 @@ def test_a_bag_leaves_room_on_the_disk_and_goes_on_when_there_is_more(
 def test_an_index_that_has_grown_long_ends_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, most: int
 ) -> None:
-    """The index of a file is kept in memory until its end: that of a week would be too much for both."""
+    """A file's index is kept in memory until the file ends: that of a week would be too large."""
     monkeypatch.setattr(mcap_writer, limit, most)
     with BagWriter(tmp_path / "bag") as bag:
         for tick in range(10):
@@ -218,7 +218,7 @@ def test_what_travelled_raw_is_kept_raw(tmp_path: Path) -> None:
 def test_how_messages_travelled_is_known_again(quality: Quality) -> None:
     metadata = Channel("/t", "std_msgs/String", quality=quality).metadata
     assert quality_of(metadata) is quality
-    del metadata["elea_quality"]  # as other recorders write it
+    del metadata["elea_quality"]  # as other recorders write bags
     assert quality_of(metadata) is (Quality.LATCHED if quality is Quality.LATCHED else Quality.EVENT)
     assert quality_of({"offered_qos_profiles": "- reliability: 2\n  durability: 2\n"}) is Quality.SENSOR
     assert quality_of({"offered_qos_profiles": "- reliability: 1\n  durability: 1\n"}) is Quality.LATCHED

@@ -1,4 +1,4 @@
-"""Bags that are damaged, packed to burst, or written otherwise than ours: a clear error, in bounded memory and time."""
+"""Damaged bags, decompression bombs and foreign writers: a clear error, in bounded memory and time."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ TWIST = channel_of("/t", Twist, Quality.SENSOR).schema.encode()
 
 
 def foreign(file: Path, *messages: tuple[str, int, int], kind: str = EMPTY[0], schema: bytes = TWIST) -> Path:
-    """A file of others: messages by topic, log time and publish time, each in a channel of its topic, unchunked."""
+    """Write an unchunked foreign file from (topic, log time, publish time), with one channel for each topic."""
     with file.open("wb") as stream:
         writer = McapWriter(stream, use_chunking=False, enable_crcs=False)
         writer.start("ros2", "somebody")
@@ -51,7 +51,7 @@ def foreign(file: Path, *messages: tuple[str, int, int], kind: str = EMPTY[0], s
 
 
 def packed(file: Path, data: bytes, compression: str, size: int) -> Path:
-    """A file of one chunk that claims to have ``size`` bytes unpacked."""
+    """Write a file with one chunk that claims ``size`` bytes uncompressed."""
     chunk = Chunk(
         compression=compression,
         data=data,
@@ -65,7 +65,7 @@ def packed(file: Path, data: bytes, compression: str, size: int) -> Path:
 
 
 def look(file: Path) -> None:
-    """All that reads a bag before it is played; only BadInput may end it."""
+    """Do all the reading that precedes playing a bag; only BadInput may be raised."""
     try:
         bag = open_bag(file)
         bag_info(bag)
@@ -78,7 +78,7 @@ def look(file: Path) -> None:
 
 @pytest.mark.slow
 def test_no_flipped_bit_and_no_cut_ends_the_reading(tmp_path: Path) -> None:
-    """A bit of every 17th byte and a cut there: of our own file, and of one without chunks and checksums."""
+    """Flips a bit in every 17th byte, and cuts there, in a file of ours and in one without chunks and checksums."""
     ours = (make_bag(tmp_path / "bag", 0.04) / "bag_0.mcap").read_bytes()
     theirs = foreign(tmp_path / "theirs.mcap", ("/t", S, S), ("u", 2 * S, 2 * S), ("/t", 3 * S, 3 * S)).read_bytes()
     file = tmp_path / "damaged.mcap"
@@ -89,7 +89,7 @@ def test_no_flipped_bit_and_no_cut_ends_the_reading(tmp_path: Path) -> None:
             for damaged in (bytes(flipped), data[:at]):
                 file.write_bytes(damaged)
                 look(file)
-    # The high bit of a length in a chunk's head: a library asks its stream for more than a C integer holds.
+    # The high bit of a length in a chunk's header: a library then requests more from its stream than a C integer holds.
     flipped = bytearray(ours)
     flipped[ours.index(b"zstd") + 4 + 7] ^= 0x80
     file.write_bytes(flipped)
@@ -97,7 +97,7 @@ def test_no_flipped_bit_and_no_cut_ends_the_reading(tmp_path: Path) -> None:
 
 
 def test_a_chunk_that_is_not_read_is_missed(tmp_path: Path) -> None:
-    """The flipped bit makes of the chunk a record of a kind that nobody knows, and readers pass over such ones."""
+    """The flipped bit turns the chunk into a record of an unknown kind, which readers skip."""
     data = bytearray((make_bag(tmp_path / "bag", 0.1) / "bag_0.mcap").read_bytes())
     at = data.index(b"zstd") - 41
     assert data[at] == 6
@@ -189,7 +189,7 @@ def test_start_and_span_of_times_that_are_zero_or_in_no_order(tmp_path: Path) ->
 
 
 def test_simulated_time_that_interleaves_is_counted_once(tmp_path: Path) -> None:
-    """What two senders stamp 0.4 s apart goes to and fro; a reset, and a message without a time, begin anew."""
+    """Stamps of two publishers 0.4 s apart alternate; a reset, or a message without a time, starts a new span."""
     lines = [(f"/{tick % 2}", tick * S // 10, tick * S // 10 - tick % 2 * 4 * S // 10 + S) for tick in range(101)]
     told = bag_info(open_bag(foreign(tmp_path / "x.mcap", *lines)))
     assert told.seconds == pytest.approx(10.3)
@@ -224,14 +224,14 @@ def test_types_of_requests_keep_their_names(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_metadata_names_and_is_missing_is_told(tmp_path: Path) -> None:
-    """What is there is read all the same; ``bag_info`` and ``play`` end with status 1 for any trouble."""
+    """Existing files are still read; ``bag info`` and ``play`` exit with status 1 for any trouble."""
     with BagWriter(tmp_path / "bag", max_duration=0.1) as made:
         for tick in range(10):
             made.write(channel_of("/t", Twist, Quality.SENSOR), tick, START + tick * S // 10, tick, EMPTY[1])
     metadata = tmp_path / "bag" / "metadata.yaml"
     whole = metadata.read_text()
     assert bag_info(open_bag(tmp_path / "bag")).troubles == ()
-    metadata.write_text(whole.replace("- bag_0", "- bag/bag_0"))  # as rosbag2 did it before version 4
+    metadata.write_text(whole.replace("- bag_0", "- bag/bag_0"))  # as rosbag2 before version 4
     assert bag_info(open_bag(tmp_path / "bag")).troubles == ()
     (tmp_path / "bag" / "bag_2.mcap").unlink()
     told = bag_info(open_bag(tmp_path / "bag"))
@@ -256,7 +256,7 @@ def test_what_metadata_names_and_is_missing_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_metadata_whose_end_is_missing_is_told_and_compressed_files_are_known(tmp_path: Path) -> None:
-    """Each of these is YAML, and most name all files: rosbag2 refuses them."""
+    """Each of these is valid YAML, and most list all files: rosbag2 rejects them."""
     with BagWriter(tmp_path / "bag", max_duration=0.1) as made:
         for tick in range(4):
             made.write(channel_of("/t", Twist, Quality.SENSOR), tick, START + tick * S // 10, tick, EMPTY[1])
@@ -271,7 +271,7 @@ def test_metadata_whose_end_is_missing_is_told_and_compressed_files_are_known(tm
     ):
         metadata.write_text(text)
         assert [reason in each for each in open_bag(tmp_path / "bag").known_problems] == [True], (reason, text[-60:])
-    metadata.write_text(whole.replace(".mcap", ".mcap.zstd"))  # of a bag that was unpacked
+    metadata.write_text(whole.replace(".mcap", ".mcap.zstd"))  # of a bag that was decompressed
     unpacked = bag_info(open_bag(tmp_path / "bag"))
     assert (unpacked.messages, unpacked.troubles) == (4, ())
     packed = (tmp_path / "bag" / "bag_1.mcap").rename(tmp_path / "bag" / "bag_1.mcap.zstd")

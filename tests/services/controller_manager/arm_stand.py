@@ -1,4 +1,4 @@
-"""The controller manager on the transport in memory, and the arm of two links that it commands, in real physics."""
+"""The controller manager on the in-memory transport, commanding a two-link arm in real physics."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ waist_controller:
 
 
 class ArmStand:
-    """One control tick is two physics steps; ``feedback`` tells whether the joints are heard."""
+    """The manager and the arm; a control tick is two physics steps. ``feedback``: publish joint states."""
 
     def __init__(self, service: ServiceHarness, rig: JointRig, urdf: str) -> None:
         self.service, self.rig, self.feedback = service, rig, True
@@ -55,11 +55,11 @@ class ArmStand:
 
     @property
     def now(self) -> float:
-        """Simulation time, s."""
+        """Simulation time [s]."""
         return self.rig.now / 1e9
 
     def tick(self) -> None:
-        """One tick of the service, and the physics up to the next."""
+        """Run one tick of the service, and the physics up to the next."""
         if self.feedback:
             header, readings = Header(stamp=Time.of(self.rig.now)), self.rig.body.joint_readings()
             state = JointState(
@@ -76,14 +76,14 @@ class ArmStand:
         self.rig.step(0.01)
 
     def run(self, seconds: float) -> None:
-        """Ticks for so long."""
+        """Run ticks for ``seconds``."""
         for _ in range(round(seconds * 100)):
             self.tick()
 
 
 @contextmanager
 def arm_stand(folder: Path, text: str = CONTROLLERS, urdf: str = "", **params: Any) -> Iterator[ArmStand]:
-    """The manager ``/arm/controller_manager`` with the controllers of a file, and the arm at rest at 0."""
+    """Run ``/arm/controller_manager`` with the controllers of a file, and the arm at rest at 0."""
     file = folder / "controllers.yaml"
     file.write_text(text)
     with joint_rig() as rig, run_service(SERVICE, "/arm", {"config": str(file), **params}) as service:
@@ -91,7 +91,7 @@ def arm_stand(folder: Path, text: str = CONTROLLERS, urdf: str = "", **params: A
 
 
 def trajectory(*points: tuple[float, dict[str, float]], stamp: float = 0.0) -> JointTrajectory:
-    """A trajectory through positions at times [s]; all points have the joints of the first."""
+    """Return a trajectory through positions at times [s]; all points have the joints of the first."""
     joints = tuple(points[0][1])
     return JointTrajectory(
         header=Header(stamp=Time.of(round(stamp * 1e9))),

@@ -1,4 +1,4 @@
-"""The YAML files of ROS 1 and ROS 2, and what is told of mistakes in them."""
+"""Controller YAML files of ROS 1 and ROS 2, and the messages about mistakes in them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The controller manager with an arm in PyBullet: what ROS programs send, and where the joints are then."""
+"""The controller manager with an arm in PyBullet: requests of ROS programs, and the resulting joint positions."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def send_goal(stand: ArmStand, name: str, asked: JointTrajectory, **terms: Any) 
 
 
 def results(stand: ArmStand) -> list[tuple[str, Status, TrajectoryError, str]]:
-    """Id, state, code and reason of the results that came."""
+    """Return goal id, state, error code and reason of each received result."""
     return [
         (
             each.status.goal_id.id,
@@ -140,7 +140,7 @@ def test_a_goal_is_aborted_on_its_way_and_at_its_end(tmp_path: Path) -> None:
         assert (name, status, code) == ("too fast", Status.ABORTED, TrajectoryError.PATH_TOLERANCE_VIOLATED)
         assert why.startswith("shoulder is 0.1")
         assert stand.rig.position("shoulder") > -0.9, "it was given up on the way"
-        # Beyond the joint's range: it stops there, and the end is never reached.
+        # Beyond the joint's range: it stops at the limit and never reaches the end.
         send_goal(
             stand,
             "too far",

@@ -1,4 +1,4 @@
-"""Which controllers run: one for each joint, started and stopped as controller_manager's requests ask."""
+"""Which controllers run: one for each joint, started and stopped by controller_manager's requests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ALL = ["arm_controller", "gripper_controller", "group_controller", "effort_contr
 
 
 def manager(*chosen: str, text: str = CONTROLLERS) -> tuple[ControllerManager, list[str]]:
-    """A manager of the controllers of the tests, and what it warns of."""
+    """Return a manager of the test controllers, and its list of warnings."""
     warnings: list[str] = []
     ctx = Context(memory_node(MemoryBus(), "manager", "/arm"), Parameters(), 100)
     ports = Ports(
@@ -42,7 +42,7 @@ def switched(each: ControllerManager, start: tuple[str, ...] = (), stop: tuple[s
 
 
 def targets(each: ControllerManager) -> dict[str, str]:
-    """The joints that are commanded, and by what."""
+    """Return the commanded joints with their command interfaces."""
     each.start(HERE, 0)
     return {target.joint_name: target.interface for target in each.update(HERE, 0, 0.01)}
 

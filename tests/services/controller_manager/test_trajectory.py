@@ -1,4 +1,4 @@
-"""Splines between points, and what of a message becomes segments."""
+"""Splines between points, and the conversion of a message into segments."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def followed(
 
 
 def derivative(each: Segment, t: float, order: int) -> float:
-    """The first joint's velocity or acceleration, by differences."""
+    """Return the first joint's velocity (``order`` 1) or acceleration (2), by central differences."""
     h = 100_000
     sample = [each.at(round(t * S) + k * h).positions[0] for k in (-1, 0, 1)]
     return (sample[2] - sample[0]) / (2 * h / S) if order == 1 else (sum(sample) - 3 * sample[1]) / (h / S) ** 2

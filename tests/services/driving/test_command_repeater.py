@@ -1,4 +1,4 @@
-"""When commands go out, in two times: held keys, released ones, pauses, slow and fast simulations."""
+"""When commands are published, in wall and simulation time: keys held and released, pauses, slow and fast time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GIVE_WAY = 3.0
 def said(
     voice: CommandRepeater, motion: Velocity | None, wall: tuple[float, float], factor: float = 1.0, start: float = 0.0
 ) -> list[tuple[float, Velocity]]:
-    """What it says in turns of 0.02 s from and to these wall times, each with the wall time."""
+    """Update every 0.02 s between two wall times [s]; return the published commands, each with its wall time."""
     out = []
     for turn in range(round((wall[1] - wall[0]) / 0.02)):
         now = wall[0] + turn * 0.02
@@ -69,7 +69,7 @@ def test_zero_is_held_and_then_it_falls_silent() -> None:
 
 
 def test_through_a_pause_zero_is_held() -> None:
-    """Time stands still, and so does the time to give way: the robot learns of the stop when it goes on."""
+    """Zero is repeated for a span of simulation time: a paused robot still receives the stop when it resumes."""
     voice = CommandRepeater(20, GIVE_WAY, ZERO_VELOCITY)
     voice.update(AHEAD, 0, 5.0)
     assert gaps(said(voice, None, (0.02, 20), factor=0.0, start=5.0)) < 0.07

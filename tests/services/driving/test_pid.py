@@ -1,4 +1,4 @@
-"""The wheel's PID: each term, the two ways of clamping the integral, and what is never passed on."""
+"""The wheel's PID: each term, both ways of clamping the integral, and output that is always finite."""
 
 from __future__ import annotations
 

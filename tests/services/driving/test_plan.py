@@ -1,4 +1,4 @@
-"""A plan as messages: every one that can be driven fits its topic, and each is published once."""
+"""A plan as messages: the longest one fits its topic, and each change is published once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run for tests: robots drive their points on ideal bases, and every message that the grader takes is made of it."""
+"""A run for tests: robots drive through their points on ideal bases, with all the messages that the grader reads."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def odometry_sample(seconds: float, x: float, y: float, yaw: float = 0.0, v: flo
 
 
 def robot_messages(name: str, shift: float, points: Points = CORNERS, drift: float = 0.0) -> Iterator[GradedEntry]:
-    """The messages of one robot, which starts at (0, ``shift``) m; its odometry grows wrong by ``drift`` m/s."""
+    """Yield the messages of one robot that starts at (0, ``shift``) [m]; its odometry drifts by ``drift`` [m/s]."""
     pilot = WaypointController(WaypointParameters(goals=tuple((x, y + shift) for x, y in points)))
     yield MessageKind.PLAN, name, path_message(pilot.plan, header(0))
     shown = None
@@ -53,7 +53,7 @@ def robot_messages(name: str, shift: float, points: Points = CORNERS, drift: flo
 
 
 def measure_all(posts: list[GradedEntry], names: tuple[str, ...], end: float = 400.0) -> Measurement:
-    """All messages measured at once, up to ``end`` [s]."""
+    """Measure all messages at once, up to ``end`` [s]."""
     run = Measurement(names, TOLERANCE)
     for kind, name, message in posts:
         run.add_messages(kind, name, [message])

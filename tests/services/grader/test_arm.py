@@ -1,4 +1,4 @@
-"""An arm's figures against responses whose figures are known, and what the report makes of them."""
+"""An arm's figures for responses with known figures, and their place in the report."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from services.grader.results import write_results
 
 FACTS = RunFacts(fleet="arm", mode="lockstep", seed=0, version="0", wall_seconds=2.0)
 LAG = 0.1
-"""s, the time constant of the arm of these tests."""
+"""Time constant [s] of the arm in these tests."""
 
 
 def exercised(
@@ -40,12 +40,12 @@ def exercised(
 
 
 def lagging(time: float) -> float:
-    """From 1 s on to 29 of the 30 degrees that are wanted."""
+    """Return a first-order response [deg] from 1 s on, to 29 of the 30 commanded degrees."""
     return 29.0 * (1.0 - math.exp(-(time - 1.0) / LAG)) if time > 1.0 else 0.0
 
 
 def test_a_step_of_the_first_order() -> None:
-    """Rise T ln 9, settling T ln 50, no overshoot."""
+    """Rise time T ln 9, settling time T ln 50, no overshoot."""
     exercise = exercised(lambda t: 30.0 if t >= 1.0 else 0.0, lagging, 4.0)
     (step,) = exercise.steps
     assert exercise.largest_step == step
@@ -84,7 +84,7 @@ def swing(t: float) -> float:
 
 @pytest.mark.parametrize("hz", [50, 100, 200])
 def test_the_error_in_motion_is_the_mean_over_a_stair(hz: int) -> None:
-    """The arm is 0.2 deg behind the middle of each stair of 20 ms, whatever the rate of its controller."""
+    """The arm is 0.2 deg behind the middle of each reference step of 20 ms, whatever its controller's rate."""
 
     def stair(t: float) -> float:
         return swing(math.floor(t * 50 + 1e-9) / 50)
@@ -110,7 +110,7 @@ def test_the_beginning_of_a_motion_and_its_end_are_left_out() -> None:
 
 
 def played(saturation: float = 100.0, seconds: float = 5.0) -> Measurement:
-    """An arm that takes a step, in the messages of its joint (200 Hz) and its controller (100 Hz)."""
+    """Measure an arm's step response from the messages of its joint (200 Hz) and its controller (100 Hz)."""
     run = Measurement(["arm"], 0.05, None, {"arm": ArmSpec(name="arm", joint="j", saturation=saturation)})
     for tick in range(round(seconds * 200)):
         time = tick / 200

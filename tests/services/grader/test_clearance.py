@@ -1,4 +1,4 @@
-"""The clearance of robots from the bodies of the world: by arithmetic, and beside what the laser sees."""
+"""The clearance between robots and bodies of the world: computed by hand, and compared with laser ranges."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_what_lies_above_it_and_what_it_drives_over_does_not_count() -> None:
 
 
 def test_a_body_that_moves_is_where_it_was_at_the_time_of_the_sample() -> None:
-    """The robot stands; a ball passes it between two states, whatever the order in which messages come."""
+    """The robot stands still; a ball passes it between two samples, in either order of the messages."""
     found = []
     for states_first in (True, False):
         meter = ClearanceMeter({"a": SIZE})
@@ -96,7 +96,7 @@ def test_a_body_that_moves_is_where_it_was_at_the_time_of_the_sample() -> None:
                 meter.update()
         meter.update(final=True)
         found.append(meter.least["a"])
-        # At 2.05 s, halfway between two states, it is beside the robot.
+        # At 2.05 s, halfway between two samples, it is beside the robot.
         assert meter.least["a"].at == pytest.approx(2.05)
         assert meter.least["a"].distance == pytest.approx(0.7 - 0.5 - 0.1)
         assert len(meter.paths["ball"]) > 30
@@ -134,7 +134,7 @@ def test_the_outlines_and_ways_are_kept_for_the_picture() -> None:
 
 @pytest.mark.parametrize("model", ["burger", "waffle"])
 def test_the_clearance_is_what_the_laser_sees_of_the_nearest_wall(model: str) -> None:
-    """In the arena, at places where a wall, an edge or a corner is nearest, seen from the middle of the robot."""
+    """In the arena, at places where a wall, an edge or a corner is nearest to the middle of the robot."""
     arena, figures = read_world("arena"), read_model(model)
     assert figures.laser is not None
     bottom, top = vertical_extent(model)

@@ -1,4 +1,4 @@
-"""The grader on the bus: it ends when all have finished, at a time limit, or when stopped, and leaves its figures."""
+"""The grader on the bus: it ends when all have finished, at a time limit, or when stopped, and writes its figures."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def corner_messages() -> list[GradedEntry]:
 
 
 def play(bench: ServiceHarness, corner_messages: list[GradedEntry], until: float, epoch: int = 0) -> None:
-    """Send everything stamped up to ``until`` [s], and then the clock."""
+    """Publish every message stamped up to ``until`` [s], then the clock."""
     bench.set_time(0.0, epoch)
     for kind, name, message in corner_messages:
         if message.header.stamp.ns <= until * 1e9:
@@ -67,7 +67,7 @@ def test_it_ends_after_the_duration_and_counts_nothing_later(
 def test_the_clearance_from_bodies_that_stand_and_move_is_measured(
     tmp_path: Path, corner_messages: list[GradedEntry]
 ) -> None:
-    """The robot drives from (0, 0) to (0.6, 0): a post stands behind that, and a ball comes towards it."""
+    """The robot drives from (0, 0) to (0.6, 0); a post stands beyond that, and a ball approaches."""
     size = Vector3(x=0.2, y=0.2, z=0.4)
     place = Pose(position=Point(x=1.0, z=0.2))
     post = Marker(ns="fixed", text="post", type=Marker.CYLINDER, pose=place, scale=size)

@@ -44,7 +44,7 @@ def plan(*points: tuple[float, float]) -> Path:
 
 
 def driven(points: list[tuple[float, float]], *goals: tuple[float, float]) -> RobotFigures:
-    """Figures of a robot that jumps from point to point, one sample each, without a status."""
+    """Return the figures of a robot that jumps from point to point, one sample each, without a status."""
     corner_messages: list[GradedEntry] = [(MessageKind.PLAN, "a", plan(*goals))] if goals else []
     corner_messages += [
         (MessageKind.TRUTH, "a", odometry_sample(FAST * step, x, y)) for step, (x, y) in enumerate(points)

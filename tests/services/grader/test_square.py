@@ -1,4 +1,4 @@
-"""Corners, closure, headings and stops, on trajectories whose figures are known."""
+"""Corners, closure, headings and stops, on trajectories with known figures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.services.grader.simulated_run import GradedEntry, header, measure_all
 
 SQUARE = (Pose2(1, 0, math.pi / 2), Pose2(1, 1, math.pi), Pose2(0, 1, -math.pi / 2), Pose2(0, 0, 0))
 AWAY, TURNED = (3.0, -2.0), math.pi / 2
-"""Where the frame of odometry lies in the world."""
+"""Position [m] and yaw [rad] of the odometry frame in the world."""
 
 
 def plan(goals: tuple[Pose2, ...], frame: str = "a/odom") -> Path:
@@ -35,14 +35,15 @@ def plan(goals: tuple[Pose2, ...], frame: str = "a/odom") -> Path:
 
 
 def world(pose: Pose2) -> Pose2:
-    """A pose of the frame of odometry, in the world."""
+    """Transform a pose from the odometry frame to the world."""
     return Pose2(AWAY[0] - pose.y, AWAY[1] + pose.x, pose.yaw + TURNED)
 
 
 def driven(off: Pose2, drift: Pose2) -> RobotFigures:
-    """A robot that says at every second that it is at the next corner, truly ``off`` there and by odometry ``drift``.
+    """Return the figures of a robot that reports the next corner each second, with a true error ``off`` and an odometry
+    error ``drift``.
 
-    Odometry and truth are told in frames of their own.
+    Odometry and ground truth have frames of their own.
     """
     posts: list[GradedEntry] = [(MessageKind.PLAN, "a", plan(SQUARE))]
     way = [Pose2(0.0, 0.0), *(Pose2(each.x + off.x, each.y + off.y, each.yaw + off.yaw) for each in SQUARE)]
@@ -105,13 +106,13 @@ def test_a_corner_that_was_not_reached_is_null_and_an_open_way_has_no_corners() 
 
 
 class Brake:
-    """A base whose commander falls silent: truth at ``rate`` [Hz], the base's status five times a second."""
+    """A base whose commands cease at ``last`` [s]: ground truth at ``rate`` [Hz], the base's status at 5 Hz."""
 
     def __init__(self, speed: float, last: float, timeout: float, brake: float, rate: float = 50.0) -> None:
         self.speed, self.last, self.timeout, self.brake, self.rate = speed, last, timeout, brake, rate
 
     def state(self, time: float) -> tuple[float, float]:
-        """Way and speed at a time."""
+        """Return distance driven [m] and speed [m/s] at a time [s]."""
         since = time - self.last - self.timeout
         if since <= 0:
             return self.speed * time, self.speed
@@ -155,7 +156,7 @@ def test_without_the_figures_of_the_base_or_a_time_out_there_is_no_theory() -> N
 
 
 def test_lost_samples_make_no_stop_of_less_than_nothing() -> None:
-    """Just before the command there were none: the robot drove slower there than when it was last seen."""
+    """Samples just before the last command are lost: by then the robot was slower than in the last sample."""
     stops = StopMetrics()
     for seconds, length, speed in ((1.0, 0.0, 0.5), (3.0, 0.6, 0.3), (3.2, 0.65, 0.0)):
         stops.add_sample(round(seconds * 1e9), length, speed)

@@ -1,6 +1,6 @@
-"""Many robots with a local planner each, in a simulation of their kinematics: burgers that obey one tick late.
+"""A kinematic simulation of many burgers with a local planner each; commands act one tick late.
 
-What a laser shows of the others is computed from their places, with its noise but without rays.
+Laser detections of other robots are computed from their positions, with noise but without casting rays.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ TICK_S = TICK_NS / 1e9
 BODY = 0.11
 """Radius [m] of the circle around a burger's laser head that its body fills."""
 HEAD, LASER = -0.017, -0.032
-"""Where head and rays' origin are ahead of the axle, m."""
+"""Positions [m] of laser head and ray origin ahead of the axle."""
 NOISE = 0.005
-"""Of a detected centre, m: that of a ray is 0.01, and several hit a head."""
+"""Noise [m] of a detected centre: that of a ray is 0.01, and several rays hit a head."""
 
 
 class Outcome(NamedTuple):
@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
 
 
 def drive(starts: Sequence[Point], goals: Sequence[Point], seed: int, limit: float) -> Outcome:
-    """Drive all robots until each is at its goal, or until ``limit`` [s]."""
+    """Drive all robots until each is at its goal, or until ``limit`` [s]; return the outcome."""
     random, count = np.random.default_rng(seed), len(starts)
     place, yaw = np.array(starts, float), random.uniform(-math.pi, math.pi, count)
     speeds, late, commands = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2))
@@ -56,7 +56,7 @@ def drive(starts: Sequence[Point], goals: Sequence[Point], seed: int, limit: flo
         now = tick * TICK_NS
         for number, (planner, tracker) in enumerate(zip(planners, trackers, strict=True)):
             if finished[number]:
-                continue  # its last command, to stand still, holds
+                continue  # its last command, to stop, stays in effect
             here = Pose2(float(place[number, 0]), float(place[number, 1]), float(yaw[number]))
             if tick % SCAN_TICKS == 0:
                 laser = here @ Pose2(LASER)
@@ -65,7 +65,7 @@ def drive(starts: Sequence[Point], goals: Sequence[Point], seed: int, limit: flo
             finished[number] = progress.state == "finished"
             assert progress.command is not None
             commands[number] = progress.command
-        speeds, late = late, commands.copy()  # the command of the tick before acts now
+        speeds, late = late, commands.copy()  # the previous tick's command acts now
         middle = yaw + speeds[:, 1] * TICK_S / 2
         place = place + TICK_S * speeds[:, :1] * np.column_stack((np.cos(middle), np.sin(middle)))
         yaw = yaw + speeds[:, 1] * TICK_S

@@ -1,4 +1,4 @@
-"""The limit of speed near others, and the choice of a way around them."""
+"""The speed limit near others, and the choice of a direction around them."""
 
 from __future__ import annotations
 

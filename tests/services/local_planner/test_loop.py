@@ -1,4 +1,4 @@
-"""The local planner's loop, on the bus: it needs odometry, scans and the laser's place."""
+"""The local planner's loop on the bus, with odometry, scans and the laser's pose."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TICK_S = 0.1
 
 
 class Robot:
-    """A robot on the bench that obeys at once; each turn sends odometry, at every second one a scan, and the clock."""
+    """A robot that obeys at once; each turn publishes odometry and the clock, every second turn also a scan."""
 
     def __init__(self, bench: ServiceHarness) -> None:
         self.bench, self.pose, self.moving, self.turns = bench, Pose2(), Twist2(), 0

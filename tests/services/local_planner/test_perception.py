@@ -1,4 +1,4 @@
-"""From a scan to circles that move: discs and walls are told apart, placed and followed."""
+"""From scans to moving circles: discs and walls are distinguished, located and tracked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RAYS = 360
 
 
 def scan(discs: list[tuple[float, float]], wall_x: float | None = None, noise: float = 0.0, seed: int = 0) -> LaserScan:
-    """What rays from the origin meet: heads of robots at these places, and a wall across the x axis."""
+    """Return a scan from the origin of robots' laser heads at these places and a wall across the x axis."""
     angles = np.arange(RAYS) * math.tau / RAYS
     ranges = np.full(RAYS, np.inf)
     if wall_x is not None:

@@ -1,4 +1,4 @@
-"""A recording of four robots that drive for a minute, made once for all tests that read it."""
+"""A recording of four robots driving for a minute, made once for all tests that read it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BATCH = 50
 
 @dataclass
 class RecordedDrive:
-    """The file, and what went into it."""
+    """The recording file and the data recorded in it."""
 
     file: Path
     truth: dict[str, list[Odometry]] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Reads a recording back with rerun's own reader, as plain numbers."""
+"""Reads a recording with rerun's own reader, as plain numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Stamps = NDArray[np.int64]
 
 
 def columns(file: Path, entity: str, component: str, timeline: str = "sim_time") -> tuple[Stamps, list[Any]]:
-    """Times [ns] and cells of a component of an entity, in the order of time."""
+    """Return times [ns] and cells of a component of an entity, in order of time."""
     times: list[int] = []
     cells: list[Any] = []
     for chunk in chunks(file):
@@ -29,20 +29,20 @@ def columns(file: Path, entity: str, component: str, timeline: str = "sim_time")
 
 
 def chunks(file: Path) -> Iterator[Chunk]:
-    """All chunks; the footer may be missing."""
+    """Yield all chunks; the footer may be missing."""
     with warnings.catch_warnings(action="ignore"):
         reader = RrdReader(file)
     yield from reader.stream()
 
 
 def table(file: Path, entity: str, timeline: str = "sim_time") -> tuple[Stamps, NDArray[np.float64]]:
-    """Times [ns] and values (n, series) of a plot."""
+    """Return times [ns] and values, shape (n, series), of a plot."""
     times, cells = columns(file, entity, "Scalars:scalars", timeline)
     return times, np.array(cells, np.float64)
 
 
 def poses(file: Path, robot: str, frame: str, timeline: str = "sim_time") -> tuple[Stamps, NDArray[np.float64]]:
-    """Times [ns] and x, y, z, qx, qy, qz, qw (n, 7) of the transforms to a frame of a robot."""
+    """Return times [ns] and x, y, z, qx, qy, qz, qw, shape (n, 7), of the transforms to a robot's frame."""
     entity = f"/{robot}/tf"
     times, frames = columns(file, entity, "Transform3D:child_frame", timeline)
     _, places = columns(file, entity, "Transform3D:translation", timeline)
@@ -52,5 +52,5 @@ def poses(file: Path, robot: str, frame: str, timeline: str = "sim_time") -> tup
 
 
 def entities(file: Path) -> Iterator[str]:
-    """The entities of which the recording holds anything."""
+    """Yield the entities that have data in the recording."""
     yield from {chunk.entity_path for chunk in chunks(file)}

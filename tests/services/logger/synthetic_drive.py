@@ -1,4 +1,4 @@
-"""A synthetic drive for the logger's tests: four robots through the tutorial's points, as messages."""
+"""A synthetic drive for the logger's tests: messages of four robots that drive through the tutorial's points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from messages.std import SECOND, Header, Time
 X = (5.0, 1.0, 2.5, 4.0, 0.0, 0.0, 5.0, 5.0, 0.0, 0.0)
 Y = (0.0, -4.0, 2.5, -4.0, 0.0, 2.5, 2.5, -4.0, -4.0, 0.0)
 STEP = 20_000_000
-"""Nanoseconds between two samples: 50 Hz."""
+"""Time between two samples [ns]: 50 Hz."""
 MAX_LINEAR, MAX_ANGULAR = 0.22, 1.5
 WHEEL, TRACK = 0.033, 0.16
 JOINTS = ("wheel_left_joint", "wheel_right_joint")
@@ -23,7 +23,7 @@ JOINTS = ("wheel_left_joint", "wheel_right_joint")
 
 @dataclass
 class SyntheticRobot:
-    """A unicycle that turns towards its goal and drives there, on an odometry that drifts."""
+    """A unicycle that turns towards its goal and drives there, with drifting odometry."""
 
     y0: float
     drift: float = 0.0
@@ -39,7 +39,7 @@ class SyntheticRobot:
         return Header(stamp=Time.of(self.time), frame_id="world")
 
     def step(self) -> tuple[float, float]:
-        """One sample further; returns the command (v, w)."""
+        """Advance by one sample; return the command (v [m/s], w [rad/s])."""
         dt = STEP / SECOND
         gx, gy = self.goals[self.goal]
         distance = math.hypot(gx - self.x, gy - self.y)
@@ -79,12 +79,12 @@ class SyntheticRobot:
 
 
 def synthetic_fleet() -> dict[str, SyntheticRobot]:
-    """The four robots of the tutorial at their start."""
+    """Return the tutorial's four robots at their starts."""
     return {f"tb3_{k}": SyntheticRobot(y0=0.5 * k, drift=0.001 * (k + 1)) for k in range(4)}
 
 
 def step_all(robots: dict[str, SyntheticRobot], count: float) -> Iterator[int]:
-    """Step all robots together; yields the time [ns] after each step."""
+    """Step all robots together for ``count`` [s]; yield the time [ns] after each step."""
     for _ in range(round(count * SECOND / STEP)):
         for robot in robots.values():
             robot.step()

@@ -1,4 +1,4 @@
-"""An arm in a recording: its joint turns, what its controller tells is plotted, and it is in no plot of driving."""
+"""An arm in a recording: its joint turns, its controller's state is plotted, and no plot of driving includes it."""
 
 from __future__ import annotations
 

@@ -187,7 +187,7 @@ def test_a_plan_in_the_odometry_frame_is_drawn_in_the_world() -> None:
 
 
 def test_odometry_lies_where_tf_static_says_and_leaves_a_trail_there() -> None:
-    """Laid over the first true pose, it would hide what it was off by from the start."""
+    """Aligned with the first true pose, it would hide its initial error."""
     frames = TransformBuffer()
     place = Transform(translation=Vector3(x=2.0, y=2.0), rotation=Quaternion.from_yaw(math.pi / 2))
     header = Header(frame_id="world")

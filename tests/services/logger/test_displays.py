@@ -1,4 +1,4 @@
-"""What other nodes publish to be drawn, in a recording: markers, maps, scans, images and turtles."""
+"""Displays of other nodes in a recording: markers, maps, scans, images and turtles."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_markers_are_shown_for_their_lifetime(tmp_path: Path) -> None:
         scene.add("/drawn", MarkerArray(markers=(short, again, replace(lasting, lifetime=Duration()))), second)
         for now in (2 * second, 25 * 10**8):
             scene.update(now)
-        scene.add("/drawn", again, 3 * second)  # before its end: it lives on
+        scene.add("/drawn", again, 3 * second)  # renewed before it expires
         scene.update(9 * second)
     ends = {number: columns(file, f"/displays/drawn/a/{number}", "Clear:is_recursive")[0].tolist() for number in (0, 1)}
     assert ends == {0: [21 * 10**8], 1: [51 * 10**8]}

@@ -1,4 +1,4 @@
-"""The logger's loop on the bus: it records what is sent, also what came last, and begins anew at a reset."""
+"""The logger's loop on the bus: it records all messages up to the last, and starts a new timeline at a reset."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.services.logger.synthetic_drive import SyntheticRobot
 
 
 def drive(bench: ServiceHarness, robot: SyntheticRobot, until: float, epoch: int = 0) -> None:
-    """A robot's messages and the clock, sample by sample."""
+    """Publish a robot's messages and the clock, sample by sample, up to ``until`` [s]."""
     while robot.time < round(until * 1e9):
         robot.step()
         bench.publish(GROUND_TRUTH.of("tb3_0"), robot.truth())
@@ -74,9 +74,9 @@ def test_a_reset_begins_a_new_timeline(tmp_path: Path) -> None:
 def drive_until_written(
     bench: ServiceHarness, robot: SyntheticRobot, file: Path, timeline: str, epoch: int = 0
 ) -> None:
-    """Drive until the first batch is in the file: what is sent while a reset is under way is not recorded.
+    """Drive until the first batch is in the file: messages published during a reset aren't recorded.
 
-    The file cannot be read while a message is half written.
+    Reading fails while a message is half written.
     """
     for _ in range(100):
         drive(bench, robot, robot.time / 1e9 + 0.2, epoch)

@@ -1,4 +1,4 @@
-"""A real viewer without a window opens the recording and finds no fault; test_view.py looks at what it draws."""
+"""A real viewer without a window opens the recording without errors; test_view.py checks the pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording made from a bag's messages holds what the logger would have recorded: scans, frames and the arm, too."""
+"""A recording made from a bag has what the logger would have recorded, including scans, frames and the arm."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def fill(file: Path, robots: list[tuple[str, str]]) -> None:
 
 
 def odometry(ms: int) -> Odometry:
-    """What the robot believes: 2 cm ahead of where it is."""
+    """Return odometry 2 cm ahead of the true position."""
     header = Header(stamp=Time.of(ms * MS), frame_id="tb3_0/odom")
     return Odometry(header=header, pose=truth(ms, ms / 1000 + 0.02).pose)
 

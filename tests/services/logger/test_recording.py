@@ -1,4 +1,4 @@
-"""What went in is read back with rerun's own reader: rows, times and values."""
+"""Recorded rows, times and values, read back with rerun's own reader."""
 
 from __future__ import annotations
 

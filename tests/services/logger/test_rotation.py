@@ -1,4 +1,4 @@
-"""What a logger recorded before it crashed is kept beside what it records after."""
+"""A recording from before a crash of the logger is kept beside the one after."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laser scans as points: where they lie in the world, in the recording, and that nobody computes them unasked."""
+"""Laser scans as points: their positions in the world and in the recording; not computed unless requested."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ MOUNT = TransformStamped(
     child_frame_id=LASER,
     transform=Transform(translation=Vector3(x=0.1, z=0.2), rotation=Quaternion.from_yaw(math.pi / 2)),
 )
-"""A laser ahead of the middle that looks to the left."""
+"""A laser ahead of the robot's centre that faces left."""
 
 
 def scan(ms: int, *ranges: float) -> LaserScan:
-    """Rays ahead, to the left, behind and to the right of the laser."""
+    """Return a scan with rays ahead, to the left, behind and to the right of the laser."""
     return LaserScan(
         header=Header(stamp=Time.of(ms * MS), frame_id=LASER),
         angle_increment=math.pi / 2,
@@ -105,7 +105,7 @@ def test_what_cannot_be_placed_is_left_out_and_what_waits_is_bounded(frames: Tra
 
 @pytest.mark.parametrize("scans", [True, False])
 def test_the_service_records_them_if_asked(tmp_path: Path, scans: bool) -> None:
-    """What it does not read, the simulation does not compute: that is all of /tf, and the scans if not asked."""
+    """The simulation doesn't compute topics that the logger doesn't read: /tf, and scans unless requested."""
     file = tmp_path / "run.rrd"
     settings = LoggerParameters(
         robots=("tb3_0", "arm"),

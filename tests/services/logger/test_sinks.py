@@ -1,4 +1,4 @@
-"""Files that cannot be written, ports that are taken, a recorder that is killed, and memory that stays bounded."""
+"""Unwritable files, taken ports, a killed recorder, and bounded memory."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_a_torn_file_reads_up_to_where_it_is_torn(driven: RecordedDrive, tmp_pat
 
 @pytest.mark.process
 def test_a_file_that_is_cut_before_anything_moves_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
-    """The viewer has shapes then, no timeline, and says nothing: what waits for a timeline waits in vain."""
+    """The viewer then has shapes but no timeline, and reports nothing: waiting for a timeline would never end."""
     file = tmp_path / "run.rrd"
     with Recording(file, [("tb3_0", "burger")], EXTENT, pytest.fail):
         pass

@@ -1,4 +1,4 @@
-"""``./elea view RUN --picture`` as a person uses it: the pictures of a fleet and from near by, and what it refuses."""
+"""``./elea view RUN --picture`` as a user runs it: pictures of a fleet and of one robot, and rejected options."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from tests.services.logger.synthetic_drive import step_all, synthetic_fleet
 LENGTH_S = 60.0
 PLACE = (-2.2, 3.0)
 UP, DOWN = 52.5, 57.5
-"""Times at which the arm is as far as it goes to the right, and to the left."""
+"""Times [s] at which the arm is farthest to the right and to the left."""
 
 
 def swing(now: int) -> float:
-    """The arm's angle, deg."""
+    """Return the arm's angle [deg] at a time [ns]."""
     return 60.0 * math.sin(math.tau * now / 1e10)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run: four robots that drive and an arm that swings beside them."""
+    """The folder of a run with four driving robots and a swinging arm."""
     folder = tmp_path_factory.mktemp("view")
     robots, columns = synthetic_fleet(), {name: RobotColumns() for name in (*synthetic_fleet(), "arm")}
     for name, robot in robots.items():
@@ -84,7 +84,7 @@ def test_pictures_show_every_trail_and_the_arm(run: Path, tmp_path: Path) -> Non
 
 
 def middle(seen: np.ndarray) -> float:
-    """Where the arm's rod is, of an orange that its light dims: pixels from the left."""
+    """Return the mean column [pixels] of the arm's rod, found by its shaded orange."""
     red, green, blue = (seen[:, :, channel] for channel in range(3))
     rod = (red > 110) & (red - blue > 60) & (red > green + 20) & (green > blue + 15)
     assert rod.sum() > 500

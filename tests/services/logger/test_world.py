@@ -1,4 +1,4 @@
-"""The world in a recording: shapes of bodies, and the ways of those that move."""
+"""The world in a recording: shapes of bodies, and the motion of dynamic ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def marker(name: str, kind: str, shape: int, number: int, **more: object) -> Mar
 
 
 def test_bodies_of_all_shapes_stand_in_a_recording_and_those_that_move_do(tmp_path: Path) -> None:
-    """Built from a bag's messages, as the logger writes them live."""
+    """Written from a bag's messages, in the same way as live by the logger."""
     stl = tmp_path / "wedge of mine.stl"
     write_stl(stl, _wedge())
     points = tuple(Point(x=x, y=y, z=z) for face in FACES for x, y, z in (CORNERS[corner] for corner in face))

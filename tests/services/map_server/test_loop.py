@@ -1,4 +1,4 @@
-"""The map server: the map of a file as ROS's has it, latched and on request."""
+"""The map server publishes a file's map as ROS's does, latched and on request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What bodies cover on the ground, and how far points are from them."""
+"""Footprints of bodies on the ground, and distances of points to them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_box_covers_its_rectangle_and_when_it_is_tilted_its_hull() -> None:
     assert math.isclose(on_edge.top, 1 + math.sqrt(0.5))
     tilted = box_footprint(Pose3((0, 0, 0), TILTED), (1.0, 2.0, 3.0))
     assert len(tilted.corners) == 6
-    # The shadow of a box along z is the sum of its faces' areas by the cosine of their normals (Cauchy).
+    # A box's projection along z has the sum of its visible faces' areas times the cosines of their normals (Cauchy).
     assert math.isclose(area(tilted), np.dot((6, 3, 2), np.abs(_axes(TILTED)[2])))
 
 
@@ -66,7 +66,7 @@ def test_the_hull_of_many_points_is_that_of_their_extremes() -> None:
 
 
 def distances_to(footprints: list[Footprint], points: np.ndarray) -> np.ndarray:
-    """The distances to bodies of one footprint each, whatever their heights, shape (points, bodies)."""
+    """Return the distances to bodies of one footprint each, at all heights, shape (points, bodies)."""
     low, high = np.full(len(points), -math.inf), np.full(len(points), math.inf)
     return np.column_stack([NearestBody([[each]]).find(points, low, high)[0] for each in footprints])
 

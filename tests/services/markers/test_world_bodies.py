@@ -1,4 +1,4 @@
-"""Markers as bodies: what each type covers, and what is refused."""
+"""Markers as bodies: the footprint of each type, and rejected ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SQUARE = ((0, 1, 2), (0, 2, 3))
 
 
 def slab(x: float, y: float, length: float, width: float) -> np.ndarray:
-    """The two triangles of a rectangle, shape (2, 3, 3) [m], 0.1 m above the ground."""
+    """Return the two triangles of a rectangle 0.1 m above the ground, shape (2, 3, 3) [m]."""
     corners = np.array([(x, y, 0.1), (x + length, y, 0.1), (x + length, y + width, 0.1), (x, y + width, 0.1)])
     return corners[np.array(SQUARE)]
 
@@ -48,7 +48,7 @@ def body(kind: str, resource: str = "") -> WorldBody:
 
 
 def distance(body: WorldBody, pose: Pose3 | None = None) -> float:
-    """From the middle between the arms of the U."""
+    """Return the distance [m] from the middle between the arms of the U."""
     found, _ = NearestBody([body.footprints(pose)]).find(np.array([(2.0, 3.0)]), np.zeros(1), np.ones(1))
     return float(found[0])
 

@@ -36,19 +36,19 @@ from tests.services.panel.page_actions import wait_page
 from tests.services.panel.server_harness import TOKEN, ServerHarness
 
 STARTS = {"/tb3_0": 0.0, "/tb3_1": 1.0, "/tb3_2": -1.0}
-"""y of each robot, m; x is 0, all look along x."""
+"""y of each robot's start [m]; x is 0 and all face along x."""
 ROBOTS = tuple(STARTS)
 FAR = 50.0
-"""m; so long a way ends in no test, however slow the page is to show what happens on it."""
+"""Distance [m] that no robot covers within a test, however slow the page is."""
 START_S = 60.0
 WITHIN_S = 20.0
-"""Wall time for what takes a second or two on a machine that is not busy."""
+"""Wall time limit for what takes a second or two on an idle machine."""
 
 
 class PanelFleet:
-    """A fleet of a file beside this one under the real supervisor, its panel, and a node of the test's own.
+    """A fleet, from a file beside this one, under the real supervisor, with its panel and a node of the test.
 
-    ``robots`` are the namespaces of those that drive, ``size`` is the number of its processes.
+    ``robots``: namespaces of the robots that drive; ``size``: number of processes.
     """
 
     def __init__(self, folder: Path, file: str = "fleet.toml", robots: tuple[str, ...] = ROBOTS, size: int = 8) -> None:
@@ -87,7 +87,7 @@ class PanelFleet:
 
     @contextmanager
     def join(self, name: str) -> Iterator[Node]:
-        """A node on the fleet's network."""
+        """Run a node on the fleet's network."""
         identity = Identity.of(name)
         with (
             ZenohTransport(configuration("direct", (self.endpoint,))) as transport,
@@ -119,7 +119,7 @@ class PanelFleet:
                 self.base[robot] = base
 
     def wait(self, probe: object, within: float = WITHIN_S, what: str = "") -> None:
-        """Look until something is so."""
+        """Poll the fleet until a condition holds."""
         assert callable(probe)
 
         def looked() -> object:
@@ -140,7 +140,7 @@ class PanelFleet:
 
     @contextmanager
     def driving(self, robot: str) -> Iterator[None]:
-        """A robot drives straight ahead within, and then back to where it began."""
+        """Make a robot drive straight ahead during the block, and back to its start afterwards."""
         goals = self.node.advertise(GOAL_POSE, f"{robot}/goal_pose")
         wait_until(lambda: goals.has_subscribers, WITHIN_S, f"who takes the goals of {robot}")
         goals.publish(goal(FAR, STARTS[robot]))
@@ -152,7 +152,7 @@ class PanelFleet:
             self.node.unregister(goals)
 
     def reset_world(self) -> None:
-        """All robots to where they were spawned, at rest."""
+        """Reset all robots to their spawn poses and wait until they stand still."""
         self.node.call(RESET_WORLD, Empty())
         self.wait(lambda: all(map(self.is_standing, self._robots)))
 
@@ -161,7 +161,7 @@ class PanelFleet:
 
 
 def goal(x: float, y: float) -> PoseStamped:
-    """A goal in the world, looking along x."""
+    """Return a goal in the world frame, facing along x."""
     return PoseStamped(header=Header(frame_id="world"), pose=Pose.planar(x, y, 0.0))
 
 
@@ -174,7 +174,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PanelFleet]:
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
     expect.set_options(timeout=WITHIN_S * 1000)
-    # Without a graphics card, a process for it only hands on what is drawn.
+    # Without a graphics card, a GPU process would only forward what is drawn.
     flags = ["--no-sandbox", "--disable-gpu", "--in-process-gpu"]
     with sync_playwright() as play:
         opened = play.chromium.launch(executable_path="/usr/bin/chromium", args=flags)
@@ -183,11 +183,11 @@ def browser() -> Iterator[Browser]:
 
 
 class PageOpener:
-    """Opens pages at an address, each in a browser of its own as far as cookies go, and watches for their errors.
+    """Opens pages at an address, each in a browser context of its own, and collects their errors.
 
-    The first of a test is that of the test before it in its file, as that has left it: to load the panel again takes
-    two thirds of a second of processor time. With ``new`` it is loaded again and remembers nothing, with ``plots``
-    nothing but these; with ``own`` it is another one, for a test that closes it or leaves it busy.
+    A test's first page is that of the previous test in its file, in the state in which that left it: loading the panel
+    again takes two thirds of a second of processor time. With ``new`` it is loaded again with empty storage, with
+    ``plots`` with only these stored; with ``own`` it is another page, for a test that closes it or leaves it busy.
     """
 
     def __init__(self, browser: Browser, url: str, kept: list[Page]) -> None:
@@ -200,7 +200,7 @@ class PageOpener:
         self._errors: list[str] = []
 
     def open(self, view: str, width: int = 1440, height: int = 900, **page: Any) -> Page:
-        """The panel's page at one of its tabs, connected; ``page`` is ``new``, ``own`` or ``plots`` of ``load``."""
+        """Open one of the panel's tabs, connected; ``page`` is ``new``, ``own`` or ``plots``, as for ``load``."""
         opened = self.load(width, height, **page)
         opened.click(f"#tab-{view}")
         wait_page(lambda: ":" in opened.locator("#clock").inner_text(), WITHIN_S, "the clock of the fleet")
@@ -209,7 +209,7 @@ class PageOpener:
     def load(
         self, width: int = 1440, height: int = 900, new: bool = False, own: bool = False, plots: object = None
     ) -> Page:
-        """The panel's page, as it is first seen unless it is that of the test before."""
+        """Return the panel's page: the previous test's, or a newly loaded one."""
         if own or self._is_taken:
             self._contexts.append(self._browser.new_context())
             page = self._watch(self._contexts[-1].new_page())
@@ -231,20 +231,20 @@ class PageOpener:
         return page
 
     def end_test(self, failed: bool) -> None:
-        """Close the other pages; none may have reported an error. That of a test that failed is loaded again."""
+        """Close the other pages; fail if any reported an error. After a failed test the kept page is loaded again."""
         self._close_others()
         self._is_taken, self._is_loaded = False, self._is_loaded and not failed
         errors, self._errors = self._errors, []
         assert errors == []
 
     def close(self) -> None:
-        """Close all but the page that is kept, which leaves the panel and forgets what it knows of it."""
+        """Close all pages but the kept one, which leaves the panel with its storage cleared."""
         self._close_others()
         if (page := self._first) is None:
             return
         page.remove_listener("pageerror", self._note_error)
         page.remove_listener("console", self._note_line)
-        page.goto(f"{self._origin}/static/favicon.svg")  # at another origin its process would end
+        page.goto(f"{self._origin}/static/favicon.svg")  # at another origin its renderer process would end
         page.evaluate("localStorage.clear()")
         page.context.clear_cookies()
         self._kept.append(page)
@@ -269,7 +269,7 @@ class PageOpener:
 
 @pytest.fixture(scope="package")
 def kept_pages(browser: Browser) -> Iterator[list[Page]]:
-    """The page that a PageOpener keeps for the next, if there is one."""
+    """The page that a PageOpener keeps for the next one, if any."""
     kept = list[Page]()
     yield kept
     for page in kept:
@@ -278,7 +278,7 @@ def kept_pages(browser: Browser) -> Iterator[list[Page]]:
 
 @contextmanager
 def page_opener(browser: Browser, url: str, kept: list[Page]) -> Iterator[PageOpener]:
-    """Pages that are closed at the end."""
+    """Yield an opener whose pages are closed at the end."""
     made = PageOpener(browser, url, kept)
     try:
         yield made
@@ -288,7 +288,7 @@ def page_opener(browser: Browser, url: str, kept: list[Page]) -> Iterator[PageOp
 
 @contextmanager
 def one_test(opener: PageOpener, request: pytest.FixtureRequest) -> Iterator[PageOpener]:
-    """The pages of one of the tests that share them, of which none may have reported an error."""
+    """Yield the opener to one of the tests that share it; fail if a page reported an error."""
     before = request.session.testsfailed
     yield opener
     opener.end_test(request.session.testsfailed > before)
@@ -302,20 +302,20 @@ def opener(browser: Browser, fleet: PanelFleet, kept_pages: list[Page]) -> Itera
 
 @pytest.fixture
 def pages(opener: PageOpener, request: pytest.FixtureRequest) -> Iterator[PageOpener]:
-    """Pages of the fleet's panel. The first is as the test before has left it, unless a new one is asked for."""
+    """Pages of the fleet's panel; the first is as the previous test left it, unless a new one is requested."""
     with one_test(opener, request) as made:
         yield made
 
 
 @pytest.fixture
 def anew(fleet: PanelFleet) -> None:
-    """All robots begin where they were spawned."""
+    """Start with all robots at their spawn poses."""
     fleet.reset_world()
 
 
 @pytest.fixture
 def at() -> Iterator[HubHarness]:
-    """The panel's hub between a page and a robot, all in memory."""
+    """The panel's hub between pages and a robot, all in memory."""
     with hub_harness() as made:
         made.spin(0.1, tell=True)
         yield made

@@ -1,4 +1,4 @@
-"""The panel's hub on an in-memory network, a robot that the test plays, and pages that the test reads."""
+"""The panel's hub on an in-memory network, with a robot played by the test and pages read by it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def memory_node(bus: MemoryBus, name: str) -> Node:
 
 
 class FakeRobot:
-    """A burger in a namespace, whose odometry began at (1, 2) and a quarter turn to the left."""
+    """A burger in a namespace, whose odometry started at (1, 2) [m], a quarter turn to the left."""
 
     def __init__(self, at: Node, namespace: str = "/a", frame: str = "a/odom") -> None:
         self.node, self.frame = at, frame
@@ -54,7 +54,7 @@ class FakeRobot:
         at.advertise(TF_STATIC).publish(TFMessage(transforms=(frame,)))
 
     def publish(self, ns: int, x: float = 0.0, epoch: int = 0) -> None:
-        """Time, and a pose ``x`` ahead on its odometry."""
+        """Publish the time and a pose ``x`` [m] ahead in the odometry frame."""
         self.clock.publish(Clock(clock=Time.of(ns), epoch=epoch))
         header = Header(stamp=Time.of(ns), frame_id=self.frame)
         pose = PoseWithCovariance(pose=Pose.planar(x, 0))
@@ -63,14 +63,14 @@ class FakeRobot:
         self.status.publish(BaseStatus(model="burger"))
 
     def received(self, name: str) -> list[Any]:
-        """What has come on one of its inputs."""
+        """Return the new messages of one of its subscribers."""
         each = getattr(self, name)
         each.update()
         return [message for message, _ in each.messages]
 
 
 class HubHarness:
-    """Wall time is the test's own; each turn takes TURN_S."""
+    """The hub on a fake wall clock; each turn takes PERIOD_S."""
 
     def __init__(self, bus: MemoryBus, panel: Node, robot: FakeRobot) -> None:
         self.bus, self.robot = bus, robot
@@ -88,7 +88,7 @@ class HubHarness:
         assert self.board.submit(page, said)
 
     def spin(self, seconds: float = PERIOD_S, tell: bool = False) -> None:
-        """Turn for so long; with ``tell``, simulation time goes along."""
+        """Run turns for ``seconds``; with ``tell``, publish simulation time as well."""
         for _ in range(max(1, round(seconds / PERIOD_S))):
             self.wall += PERIOD_S
             if tell:
@@ -96,14 +96,14 @@ class HubHarness:
             self.hub.update(self.wall)
 
     def messages_to(self, page: Page, kind: str) -> list[dict[str, Any]]:
-        """What a page has been told of one kind since the last look."""
+        """Return the messages of one kind sent to a page since the last call."""
         texts = [json.loads(each) for each in page.drain() if isinstance(each, str)]
         return [each for each in texts if each["k"] == kind]
 
 
 @contextmanager
 def hub_harness() -> Iterator[HubHarness]:
-    """The hub, a robot and the network between."""
+    """Yield the hub and a robot on one network."""
     bus = MemoryBus()
     with memory_node(bus, "panel") as panel, memory_node(bus, "sim") as sim:
         yield HubHarness(bus, panel, FakeRobot(sim))

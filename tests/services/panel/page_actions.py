@@ -1,4 +1,4 @@
-"""What a person does with the widgets and plots of the page, and reads off them."""
+"""User actions on the page's widgets and plots, and the values that they show."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from tests.harness.waiting import wait_until
 
 T = TypeVar("T")
 ASK_S = 0.05
-"""Wall time between two questions to a page: each takes it and the browser milliseconds of processor time. Playwright's
-``expect`` asks after 0.1, 0.25 and 0.5 s and then each second, which is for what is so at once.
+"""Wall time between two polls of a page: each takes milliseconds of processor time in the test and in the browser.
+Playwright's ``expect`` polls after 0.1, 0.25 and 0.5 s and then each second, which suits what holds almost at once.
 """
 
 
 def wait_page(probe: Callable[[], T], within: float, what: str) -> T:
-    """The first true value of ``probe``, which asks a page; fails after ``within`` [s]."""
+    """Poll a page with ``probe`` and return its first true value; fail after ``within`` [s]."""
     return wait_until(probe, within, what, ASK_S)
 
 
 def wait_text(shown: Locator, pattern: str, within: float) -> None:
-    """Until the text of an element has the pattern in it; fails after ``within`` [s]."""
+    """Wait until an element's text matches a pattern; fail after ``within`` [s]."""
     wait_page(lambda: re.search(pattern, shown.text_content() or ""), within, f"{pattern} in {shown}")
 
 
 def legend_value(page: Page, line: str) -> float | None:
-    """The newest value of a line, as its plot's legend shows it."""
+    """Return the latest value of a line from its plot's legend, None without one."""
     text = page.locator(f".chip:has-text('{line}') .value").first.inner_text()
     return float(text) if text != "–" else None
 
@@ -38,12 +38,12 @@ def parameter_selector(page: Page, set_: str, name: str) -> str:
 
 
 def set_slider(page: Page, widget: str, value: float) -> None:
-    """Drag a slider there."""
+    """Set a widget's slider to a value."""
     page.locator(f"{widget} input[type=range]").fill(str(value))
 
 
 def exported_csv(page: Page, plot: Locator) -> list[str]:
-    """All that a plot holds: the rows of its CSV, the first with the names."""
+    """Export a plot as CSV and return its rows; the first has the names."""
     with page.expect_download() as saving:
         plot.locator("button:has-text('CSV')").click()
     return saving.value.path().read_text().splitlines()
@@ -60,12 +60,12 @@ HELD = """plot => new Promise((done) => {
 
 
 def held_csv(plot: Locator) -> list[str]:
-    """The same as often as is wanted: without a file, of which Chromium takes two in a second from a page."""
+    """Return a plot's CSV rows without a download; Chromium allows a page only two per second."""
     text: str = plot.evaluate(HELD)
     return text.splitlines()
 
 
 def map_point(page: Page, x: float, y: float) -> dict[str, float]:
-    """Where a point of the world lies on the map."""
+    """Return the map's pixel for a point of the world [m]."""
     at = page.evaluate("([x, y]) => window.elea.map.camera.toScreen(x, y)", [x, y])
     return {"x": at[0], "y": at[1]}

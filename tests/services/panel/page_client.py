@@ -1,4 +1,4 @@
-"""A page without a browser: the socket alone."""
+"""A panel page without a browser: only the WebSocket."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.harness.waiting import wait_until
 
 @contextmanager
 def page_client(address: Address, origin: str = "", token: str = "", queue: int = 16) -> Iterator[ClientConnection]:
-    """A socket to the panel, with its token and origin unless others are given."""
+    """Connect a WebSocket to the panel, with its token and origin unless others are given."""
     cookie = f"elea_panel_{address.port}={token or address.token}"
     here = f"127.0.0.1:{address.port}"
     with connect(
@@ -34,7 +34,7 @@ def send(at: ClientConnection, **word: Any) -> None:
 
 
 def wait_message(at: ClientConnection, kind: str, within: float = 20.0) -> dict[str, Any]:
-    """The next message of a kind."""
+    """Wait for the next message of a kind and return it."""
 
     def one() -> dict[str, Any] | None:
         text = at.recv(timeout=within)

@@ -1,4 +1,4 @@
-"""The README's pictures of the panel, from a running lab: ``python -m tests.services.panel.screenshots URL FOLDER``."""
+"""Takes the README's pictures of a running lab's panel: ``python -m tests.services.panel.screenshots URL FOLDER``."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 WIDE, PHONE = (1440, 900), (390, 844)
 SHARP = 1.5
-"""Of a phone's picture: its pixels for each of the page's."""
+"""Device pixels per CSS pixel of the phone's picture."""
 SETTLE_MS = 12_000
-"""Wall time for trails to grow and plots to fill."""
+"""Wall time [ms] for trails to grow and plots to fill."""
 TURN_MS, TURNED_MS = 60_000, 5000
-"""Wall time in which the robots reach their next point, and in which they turn there."""
+"""Wall times [ms] in which the robots reach their next point, and turn there."""
 ROBOTS = ("p3dx", "tb3_0", "tb3_1", "tb3_2", "tb3_3")
 PLOTS = [
     [[f"/{robot}/ground_truth", f"twist.twist.{field}"] for robot in ROBOTS] for field in ("linear.x", "angular.z")
 ]
-"""What is drawn: topic and field of each line of each plot."""
+"""Topic and field of each line of each plot."""
 
 
 def take_screenshots(url: str, folder: Path) -> None:
@@ -47,7 +47,7 @@ def take_screenshots(url: str, folder: Path) -> None:
 
 
 def open_page(browser: Browser, url: str, size: tuple[int, int], sharp: float = 1.0, light: bool = False) -> Page:
-    """The page of a size, dark or light."""
+    """Open the page at a size [pixels], dark or light."""
     made = browser.new_context(
         viewport={"width": size[0], "height": size[1]},
         device_scale_factor=sharp,
@@ -60,7 +60,7 @@ def open_page(browser: Browser, url: str, size: tuple[int, int], sharp: float = 
 
 
 def save(page: Page, file: Path) -> None:
-    """Write the picture with 256 colours: it looks the same, in half of the bytes."""
+    """Save a screenshot with 256 colours, which looks the same at half the file size."""
     page.mouse.move(1, 1)
     with Image.open(io.BytesIO(page.screenshot())) as whole:
         whole.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(file, optimize=True)

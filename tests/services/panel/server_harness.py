@@ -1,4 +1,4 @@
-"""A real server of the panel without a fleet, and who asks it for something."""
+"""A real panel server without a fleet, with HTTP and WebSocket clients."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PAGE_HEADERS = {"origin": "http://127.0.0.1:{port}", "cookie": "elea_panel_{port
 
 
 class HttpResponse(NamedTuple):
-    """Of the server; the names of ``headers`` are in lower case."""
+    """A response of the server; the names of ``headers`` are in lower case."""
 
     status: int
     headers: dict[str, str]
@@ -27,18 +27,18 @@ class HttpResponse(NamedTuple):
 
 
 class ServerHarness:
-    """The server, and the board that it fills. A ``{port}`` in a header stands for the server's."""
+    """The server and its page registry. ``{port}`` in a header is replaced with the server's port."""
 
     def __init__(self, board: PageRegistry, port: int) -> None:
         self.board, self.port = board, port
 
     @property
     def url(self) -> str:
-        """The address that opens its page."""
+        """The URL of its page, with the token."""
         return f"http://127.0.0.1:{self.port}/?token={TOKEN}"
 
     def get(self, path: str, method: str = "GET", **headers: str) -> HttpResponse:
-        """Ask for a path as it is written: no client tidies it up."""
+        """Request a path exactly as written, without a client normalising it."""
         link = HTTPConnection("127.0.0.1", self.port, timeout=WITHIN_S)
         link.putrequest(method, path, skip_host="host" in headers)
         for name, value in headers.items():
@@ -49,7 +49,7 @@ class ServerHarness:
 
     @contextmanager
     def socket(self, host: str = "127.0.0.1:{port}", **headers: str) -> Iterator[ClientConnection]:
-        """A socket with these headers, to this server whatever the host."""
+        """Open a WebSocket with these headers, to this server whatever the Host header."""
         raw = socket.create_connection(("127.0.0.1", self.port), WITHIN_S)
         filled = {name: self._filled(value) for name, value in headers.items()}
         address = f"ws://{self._filled(host)}/socket"
@@ -57,7 +57,7 @@ class ServerHarness:
             yield made
 
     def page_socket(self) -> Any:
-        """A socket of a page of this server."""
+        """Open a WebSocket as a page of this server does."""
         return self.socket(origin="http://127.0.0.1:{port}", cookie="elea_panel_{port}=" + TOKEN)
 
     def _filled(self, text: str) -> str:

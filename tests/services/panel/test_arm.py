@@ -1,4 +1,4 @@
-"""The arm's gain in a real browser: a slider sets it, and the plot shows what the real arm makes of it."""
+"""The arm's gain in a real browser: a slider sets it, and a plot shows the simulated arm's response."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from tests.services.panel.page_actions import held_csv, legend_value, parameter_
 SET, REFERENCE = "/robot_control", 30.0
 ARM = ArmParameters()
 NEAR = 0.002
-"""deg by which the error may differ from what statics says."""
+"""Tolerance [deg] between the error and that of static equilibrium."""
 LINE = "robot_control/error"
 STILL_S = 1.0
-"""Simulation time over which the error must stand there."""
+"""Simulation time [s] for which the error must stay there."""
 
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PanelFleet]:
-    """In place of the fleet of this folder's other tests."""
+    """Replaces the fleet of this folder's other tests."""
     with PanelFleet(tmp_path_factory.mktemp("arm"), "arm.toml", robots=(), size=7) as watched:
         yield watched
 
 
 def left(gain: float) -> float:
-    """The error [deg] at which the effort ``gain`` [N m/deg] times the error carries the arm's weight."""
+    """Return the error [deg] at which ``gain`` [N m/deg] times the error carries the arm's weight."""
     error = 0.0
     for _ in range(20):
         error = ARM.gravity_torque * sin(radians(REFERENCE - error - ARM.gravity_rest)) / gain
@@ -40,7 +40,7 @@ def left(gain: float) -> float:
 
 
 def held(page: Page) -> list[float]:
-    """The errors of the last STILL_S that the page's plot holds; none when it does not hold so much yet."""
+    """Return the errors [deg] of the last STILL_S in the page's plot; none if it has less than that."""
     head, *rows = held_csv(page.locator(f".plot:has(.chip:has-text('{LINE}'))"))
     assert head == f"time [s],/{LINE} data"
     samples = [(float(time), float(error)) for time, error in (row.split(",") for row in rows)]
@@ -50,7 +50,7 @@ def held(page: Page) -> list[float]:
 
 
 def stands(page: Page, error: float) -> bool:
-    """Whether the plot holds nothing but this error of late; looked up when its legend shows it."""
+    """Whether the plot recently shows only this error; reads its data only once the legend shows it."""
     shown = legend_value(page, LINE)
     if shown is None or abs(shown - error) > NEAR:
         return False
@@ -72,7 +72,7 @@ def test_a_slider_changes_the_gain_and_the_plot_shows_it(pages: PageOpener) -> N
     assert pane is not None
     assert unit["x"] + unit["width"] <= pane["x"] + pane["width"], "the unit is read whole"
 
-    set_slider(page, gain, 0.276)  # the slider is finer at its low end: 1000 N m/deg times the cube of its place
+    set_slider(page, gain, 0.276)  # the slider is finer at its low end: 1000 N m/deg times its position cubed
     expect(box).to_have_value("21")
     expect(page.locator(f"{gain} .origin")).to_have_text("run")
     wait_page(lambda: stands(page, left(21.0)), WITHIN_S, "the plot holds the error that the new gain leaves")

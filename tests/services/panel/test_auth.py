@@ -1,4 +1,4 @@
-"""Who comes in, and what every answer carries: a real server, without a fleet."""
+"""Access control and the headers of every response, on a real server without a fleet."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def test_strangers_that_say_nothing_or_half_a_word_keep_nobody_out(
         assert desk.get("/session", cookie=PAGE_HEADERS["cookie"]).text == "known"
         with desk.page_socket() as page:
             wait_until(lambda: len(desk.board.pages) == 1, 10.0, "a page among them")
-            # Both ends of the strangers' connections, and the page's, are this process's.
+            # Both ends of the strangers' and the page's connections are in this process.
             wait_until(
                 lambda: psutil.Process().num_fds() <= before + 200 + 2 + MAX_UNAUTHENTICATED, 10.0, "few are kept"
             )
@@ -164,7 +164,7 @@ def test_strangers_that_say_nothing_or_half_a_word_keep_nobody_out(
 
 
 def closed(link: socket.socket) -> bool:
-    """Whether the other end has closed a connection."""
+    """Whether the peer has closed a connection."""
     link.setblocking(False)
     try:
         return link.recv(1 << 16) == b""

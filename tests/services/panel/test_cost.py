@@ -1,4 +1,4 @@
-"""What an open page costs: eight fields at 50 Hz, and ten minutes of them."""
+"""The cost of an open page that plots eight fields at 50 Hz, and its memory over ten minutes."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ FIELDS = [
     for robot in (0, 1)
     for path in ("pose.pose.position.x", "pose.pose.position.y", "pose.pose.orientation.yaw", "twist.twist.linear.x")
 ]
-"""Eight fields at 25 Hz of simulation time, which is 50 Hz on the wall at the factor 2 of this fleet."""
+"""Eight fields at 25 Hz of simulation time: 50 Hz of wall time, as this fleet runs at real-time factor 2."""
 
 SPELLS = 5
-"""Of two seconds each; the figure is their median."""
+"""Number of intervals of two seconds; the figure is their median."""
 
 
 def eight(pages: PageOpener) -> Page:
-    """A page with two plots of four fields each, drawing."""
+    """Open a page that draws two plots of four fields each."""
     page = pages.open("plots", plots=[FIELDS[:4], FIELDS[4:]])
     page.locator(".plot canvas").nth(1).wait_for()
     return page
@@ -34,7 +34,7 @@ def eight(pages: PageOpener) -> Page:
 def test_eight_fields_at_50_hz_cost_the_panel_less_than_a_tenth_of_a_core(
     fleet: PanelFleet, pages: PageOpener, keeps_bound: Callable[[Figure], None]
 ) -> None:
-    """Processor time of the process, spell by spell."""
+    """Measures the process's processor time in each interval."""
     page = eight(pages)
     panel = psutil.Process(fleet.address.pid)
     page.evaluate("() => { window.frames_ = 0; window.elea.link.on('samples', () => { window.frames_++; }); }")
@@ -52,7 +52,7 @@ def test_eight_fields_at_50_hz_cost_the_panel_less_than_a_tenth_of_a_core(
 def test_the_page_draws_more_than_15_times_a_second_in_software(
     pages: PageOpener, keeps_bound: Callable[[Figure], None]
 ) -> None:
-    """Counts how often each plot is wiped to be drawn again, not how often the browser had time to draw."""
+    """Counts how often each plot is cleared for redrawing, not the browser's frames."""
     page = eight(pages)
     count = """() => new Promise((done) => {
       const wipe = CanvasRenderingContext2D.prototype.clearRect, begun = performance.now();
@@ -71,7 +71,7 @@ def test_the_page_draws_more_than_15_times_a_second_in_software(
 
 
 def test_ten_minutes_of_samples_grow_the_page_by_less_than_20_mb(pages: PageOpener) -> None:
-    """The samples of ten minutes, handed to the page as its socket does, in the time that this takes."""
+    """The samples of ten minutes, passed to the page as by its socket, as fast as it accepts them."""
     page = eight(pages)
     session = page.context.new_cdp_session(page)
 

@@ -1,4 +1,4 @@
-"""The panel beside a real fleet, without a browser: who may, what a dead page costs, requests that hang, the verb."""
+"""The panel of a real fleet, without a browser: access, the cost of a dead page, hung requests, the command."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ POSES = [
 
 
 def outlive_dead_page(fleet: PanelFleet, begun: threading.Event) -> tuple[int, float]:
-    """Be a page beside one that reads nothing until that is given up: the frames that came, and the longest time
-    between two heartbeats of the panel [s].
+    """Run a page beside one that never reads, until that one is dropped; return the frames received and the longest
+    time between two heartbeats of the panel [s].
     """
     with (
         fleet.join("watcher") as node,
@@ -69,7 +69,7 @@ def outlive_dead_page(fleet: PanelFleet, begun: threading.Event) -> tuple[int, f
 
 @pytest.fixture(scope="module")
 def dead_page(fleet: PanelFleet) -> Iterator[Future[tuple[int, float]]]:
-    """A page that is dead while other tests go on: the panel waits seven seconds for it."""
+    """A dead page during the other tests, as the panel waits seven seconds for it."""
     begun = threading.Event()
     with ThreadPoolExecutor(1) as pool:
         outlived = pool.submit(outlive_dead_page, fleet, begun)
@@ -222,7 +222,7 @@ if __name__ == "__main__":
 
 
 def driven(folder: Path, watched: bool) -> str:
-    """The hash of all trajectories of a lockstep run, with a panel that is asked for everything, or without one."""
+    """Return the hash of a lockstep run's trajectories, without a panel or with one whose page reads everything."""
     folder.mkdir()
     file, begin = folder / "pair.toml", folder / "begin"
     (folder / "starter.py").write_text(STARTER.format(signal=str(begin)))

@@ -1,4 +1,4 @@
-"""Strangers in a real browser: a page of another origin, a stale or forged token, one page too many."""
+"""Unauthorised pages in a real browser: another origin, a stale or forged token, one page too many."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ SPEAK = """async (address) => {
     { mode: "no-cors", credentials: "include" }).then((answer) => answer.type, () => "blocked");
   return [said, read, blind];
 }"""
-"""What a page of another origin can try: to speak, to read, and to ask without reading."""
+"""The attempts of a page of another origin: a WebSocket, a read, and a request without reading the response."""
 
 
 class ForeignSite(BaseHTTPRequestHandler):
-    """A page of another program on this machine: a browser sends it the cookies of 127.0.0.1, whatever the port."""
+    """A page of another server on this machine; browsers send cookies of 127.0.0.1 to it, whatever the port."""
 
     def do_GET(self) -> None:
         self.send_response(200)
@@ -49,12 +49,12 @@ class ForeignSite(BaseHTTPRequestHandler):
         self.wfile.write(b"<!doctype html><title>elsewhere</title>")
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Log nothing."""
 
 
 @pytest.fixture
 def elsewhere() -> Iterator[int]:
-    """The port of a server beside the panel."""
+    """The port of another server than the panel's."""
     with ThreadingHTTPServer(("127.0.0.1", 0), ForeignSite) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
@@ -65,7 +65,7 @@ def elsewhere() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def context(browser: Browser, fleet: PanelFleet) -> Iterator[BrowserContext]:
-    """A browser that has the panel's cookie."""
+    """A browser context that has the panel's cookie."""
     with browser.new_context() as made:
         made.set_default_timeout(WITHIN_S * 1000)
         page = made.new_page()
@@ -77,7 +77,7 @@ def context(browser: Browser, fleet: PanelFleet) -> Iterator[BrowserContext]:
 
 @pytest.fixture
 def page(context: BrowserContext) -> Iterator[Page]:
-    """A page of that browser; the cookie is there, whatever the tests before have made of it."""
+    """A page in that context; its cookies are restored after each test."""
     cookies = context.cookies()
     with context.new_page() as made:
         yield made
@@ -86,7 +86,7 @@ def page(context: BrowserContext) -> Iterator[Page]:
 
 
 def nobody_is_stopped(fleet: PanelFleet) -> None:
-    """After a stop that does come through for one robot and is reset, none that came before can be on its way."""
+    """Assert that no robot is stopped; first stop and reset one, so that no earlier stop can still be under way."""
     output = fleet.node.advertise(E_STOP, f"{ROBOTS[0]}/{E_STOP.name}")
     for on in (True, False):
         output.publish(E_STOP.record(data=on))
@@ -149,7 +149,7 @@ def test_a_token_that_no_longer_counts_changes_nothing_and_says_so(
 
 
 class ClientCrowd:
-    """As many pages as the panel takes; those that were given up, as on a busy machine, are replaced by ``fill``."""
+    """As many pages as the panel accepts; pages dropped on a busy machine are replaced by ``fill``."""
 
     def __init__(self, stack: ExitStack, address: Address) -> None:
         self._stack, self._address = stack, address
@@ -157,16 +157,16 @@ class ClientCrowd:
 
     @property
     def open(self) -> list[ClientConnection]:
-        """Those that have their places."""
+        """The connected pages."""
         return [each for each in self._all if each.state is State.OPEN]
 
     @property
     def full(self) -> bool:
-        """Whether there is no place left."""
+        """Whether the panel's limit of pages is reached."""
         return len(self.open) == PanelParameters().pages
 
     def fill(self) -> None:
-        """Take all places, also those that pages of earlier tests are still leaving."""
+        """Open pages up to the limit, also in place of earlier tests' pages that are still closing."""
 
         def filled() -> bool:
             while not self.full:
@@ -181,7 +181,7 @@ class ClientCrowd:
 
 
 def refused(page: Page) -> None:
-    """The page is told why it may not come in, tries again more and more seldom, and shows nothing."""
+    """Assert that the page shows why it was rejected, retries at growing intervals, and shows no data."""
     expect(page.locator("#trouble")).to_have_text("too many pages are open")
     wait_page(lambda: page.evaluate("window.elea.link.retry") > 1000, WITHIN_S, "it asks more and more seldom")
     expect(page.locator("#trouble")).to_have_text("too many pages are open")

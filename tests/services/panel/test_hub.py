@@ -1,4 +1,4 @@
-"""What the panel does on the bus for its pages: goals, poses, samples, requests, and the graph."""
+"""The panel's hub between bus and pages: goals, poses, samples, requests, and the graph."""
 
 from __future__ import annotations
 
@@ -178,26 +178,26 @@ def test_what_a_node_refused_to_answer_is_told(at: HubHarness) -> None:
 
 
 class Held:
-    """The stops that a simulation tells of, in one life of it."""
+    """Publishes emergency stops as one run of the simulation does."""
 
     def __init__(self, on: HubHarness) -> None:
         self.out = Publisher(STOPS, STOPS.name, "sim/stops", "/sim", MemoryTransport(on.bus))
 
     def tell(self, at: HubHarness, *held: tuple[str, str]) -> None:
-        """Tell who holds what: topic and node."""
+        """Publish the stops in effect, each by topic and holding node."""
         stops = [EmergencyStop(topic=topic, holder=holder, id=node_id(holder)) for topic, holder in held]
         self.out.publish(EmergencyStops(stops=tuple(stops)))
         at.spin(0.1, tell=True)
 
 
 def seen(at: HubHarness, page: Page) -> tuple[bool, bool, list[str]]:
-    """What the page last heard of the robot: asked, stopped, and by whom else."""
+    """Return a robot's last state sent to the page: stop requested, stopped, other nodes that hold a stop."""
     robot = at.messages_to(page, "robots")[-1]["robots"][0]
     return robot["asked"], robot["stopped"], robot["stopped_by"]
 
 
 def test_a_stop_outlives_the_sight_of_its_robot_and_ends_with_it(at: HubHarness) -> None:
-    """The simulation restarts: its tokens go, and nobody has reset the stop. Later the robot is deleted."""
+    """The simulation restarts, so its tokens go, without a reset of the stop. Later the robot is deleted."""
     page, sim = at.page(), Held(at)
     at.send(page, Subscribe(channels=("robots",)))
     at.send(page, Estop(id=3, robot="/a", on=True))
@@ -239,7 +239,7 @@ def test_a_panel_that_returns_takes_its_stops_up_and_resets_them(at: HubHarness)
 
 
 def test_a_robot_in_the_root_namespace_is_shown_driven_sent_and_stopped(at: HubHarness) -> None:
-    """Its own emergency stop is that of all robots."""
+    """Its emergency stop topic is that of all robots."""
     at.robot.node.transport.close()
     at.robot = robot = FakeRobot(memory_node(at.bus, "tb3"), "/", "odom")
     page, sim = at.page(), Held(at)

@@ -1,4 +1,4 @@
-"""What the panel does on the bus for a hand that drives: a dead-man, one driver to a robot, stops."""
+"""Manual driving through the panel's hub: dead-man switch, one driver per robot, stops."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_hand_that_stays_drives_twenty_times_a_second_and_one_that_falls_silen
 
 
 def test_a_hand_that_comes_back_is_obeyed_at_once(at: HubHarness) -> None:
-    """The publication ends when others may drive; its numbers must not begin anew, or bases drop them as old."""
+    """The publisher is removed when others may drive; its numbering must continue, or bases drop its commands."""
     page = at.page()
     at.send(page, Subscribe(channels=("clock",)))
     for _ in range(20):

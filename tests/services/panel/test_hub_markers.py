@@ -1,4 +1,4 @@
-"""What the panel tells of markers, of what is drawn as markers, and of turtles."""
+"""What the panel sends to pages about markers, other displays drawn as markers, and turtles."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RED = ColorRGBA(r=1.0, a=1.0)
 MARKERS = Topic("/drawn", MarkerArray, 0, Quality.EVENT, "")
 LINE = Marker(ns="way", type=Marker.LINE_STRIP, scale=Vector3(x=0.1), color=RED, points=(Point(), Point(x=2.0)))
 UNSET = Pose(orientation=Quaternion(w=0.0))
-"""As a message of ROS 1 begins."""
+"""The default pose of a ROS 1 message."""
 BOX = Marker(ns="box", id=7, type=Marker.CUBE, scale=Vector3(x=1.0, y=1.0, z=1.0), color=RED, pose=UNSET)
 
 

@@ -1,4 +1,4 @@
-"""What the panel tells of the world: outlines of bodies, those that move, and the laser of the chosen robot."""
+"""What the panel sends about the world: outlines of bodies, moving bodies, and the selected robot's laser scan."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_the_laser_of_the_chosen_robot_comes_as_points_in_the_world(at: HubHarne
         scans.publish(LaserScan(header=header, angle_increment=1.5707963267948966, range_max=3.5, ranges=ranges))
     at.spin(0.1)
     (scan,) = at.messages_to(page, "scan")
-    # It was at x = 2; the laser is half a metre ahead and looks back.
+    # The robot was at x = 2; its laser is half a metre ahead and faces back.
     assert (scan["ns"], scan["points"]) == ("/a", pytest.approx([1.5, 0.0, 4.5, 0.0], abs=1e-3))
     assert at.messages_to(other, "scan") == []
     at.send(page, Subscribe(channels=("poses",)))

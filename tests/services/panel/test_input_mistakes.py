@@ -1,4 +1,4 @@
-"""Hands on the page that slip: buttons that mean nothing, keys instead of a mouse, and screens of all sizes."""
+"""Input mistakes and unusual input on the page: wrong mouse buttons, keyboard instead of mouse, all screen sizes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def anew(fleet: PanelFleet) -> None:
 
 
 def on_map(page: Page, x: float, y: float) -> tuple[float, float]:
-    """Where a point of the world lies on the screen."""
+    """Return the screen position [pixels] of a point of the world [m]."""
     wait_page(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
     at = page.evaluate("([x, y]) => window.elea.map.camera.toScreen(x, y)", [x, y])
     box = page.locator("canvas.map").bounding_box()
@@ -75,7 +75,7 @@ def test_robots_and_graph_are_reached_by_keys(fleet: PanelFleet, pages: PageOpen
     expect(page.locator(".drive b")).to_have_text("Drive tb3_1")
     page.click("#tab-graph")
     page.locator("g.topic[data-topic='/tb3_1/odom']").focus()
-    with fleet.join("passer_by") as node:  # the graph is drawn anew, and the keys are still where they were
+    with fleet.join("passer_by") as node:  # the graph is redrawn, and the keyboard focus stays
         node.subscribe(ODOM, "/tb3_1/odom")
         expect(page.locator("g.node[data-node='/passer_by']").first).to_be_visible()
     page.keyboard.press("Enter")
@@ -83,7 +83,7 @@ def test_robots_and_graph_are_reached_by_keys(fleet: PanelFleet, pages: PageOpen
 
 
 def test_a_button_beside_figures_that_change_stays_the_same_button(fleet: PanelFleet, pages: PageOpener) -> None:
-    """What is pressed while the figures beside it are told anew must be there when the finger comes up."""
+    """A button pressed while figures beside it are updated must still exist when it is released."""
     page = pages.open("graph")
     page.locator("g.topic[data-topic='/tb3_0/odom']").click()
     button = page.locator(".details button.link:has-text('/tb3_0/waypoint')")

@@ -1,4 +1,4 @@
-"""A hundred robots on the page, which a test tells it of without a fleet: what is drawn, and what lists show."""
+"""A hundred robots on the page, from messages of the test without a fleet: drawing and lists."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ DRAW = """() => {
 
 @pytest.fixture(scope="module")
 def opener(browser: Browser, server: ServerHarness, kept_pages: list[Page]) -> Iterator[PageOpener]:
-    """In place of the pages of a fleet: those of a server without one."""
+    """Replaces the pages of a fleet with those of a server without one."""
     with page_opener(browser, server.url, kept_pages) as made:
         yield made
 
@@ -135,7 +135,7 @@ def test_lists_of_a_hundred_are_filtered(page: Page) -> None:
 def test_the_map_of_a_hundred_robots_is_drawn_15_times_a_second(
     page: Page, keeps_bound: Callable[[Figure], None]
 ) -> None:
-    """Poses come 25 times a second, as the panel sends them; counts drawings, in Chromium without a graphics card."""
+    """Poses arrive at 25 Hz, as from the panel; counts drawings, in Chromium without a graphics card."""
     page.evaluate(TELL, [ROBOTS, 1500])
     count = """() => new Promise((done) => {
       const { map } = window.elea, draw = map.draw, begun = performance.now();

@@ -1,4 +1,4 @@
-"""The map of a real page: bodies of the world, those that move, and the laser of the chosen robot."""
+"""The map of a real page: bodies of the world, moving ones, and the selected robot's laser scan."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BODIES = [
 
 
 def pixel(page: Page, x: float, y: float) -> list[int]:
-    """Red, green and blue of the map at a point of the world [m], drawn anew."""
+    """Redraw the map and return red, green and blue at a point of the world [m]."""
     found: list[int] = page.evaluate(
         """([x, y]) => {
           const map = window.elea.map, [px, py] = map.camera.toScreen(x, y), ratio = devicePixelRatio;
@@ -86,7 +86,7 @@ def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFlee
 
 
 def test_the_laser_of_the_chosen_robot_is_shown_while_it_is_wanted(fleet: PanelFleet, pages: PageOpener) -> None:
-    """The others stand 1 m and 2 m beside it."""
+    """The other robots stand 1 m and 2 m beside it."""
     page = pages.open("robots")
     scan = "window.elea.map.world.scan"
     wait_page(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_0", WITHIN_S, "what the first robot sees")

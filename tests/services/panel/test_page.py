@@ -1,4 +1,4 @@
-"""The page in a real browser, before real processes: what happens is seen there: plots, graph, processes, log."""
+"""The page in a real browser with real processes shows what happens: plots, graph, processes, log."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_rates_and_details_of_a_topic(fleet: PanelFleet, pages: PageOpener) -> N
     topic.click()
 
     def agrees() -> bool:
-        """The rate, and beside it what its readers have lost, if anything."""
+        """Whether the rate is shown, after the count of lost messages if there are any."""
         lost = sum(int(each) for each in re.findall(r"(\d+) lost", page.locator(".details").inner_text()))
         before = f"{lost} lost · " if lost else ""
         return re.fullmatch(f"{before}2[3-7] Hz", topic.locator("text.num").text_content() or "") is not None

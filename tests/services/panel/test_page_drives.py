@@ -1,4 +1,4 @@
-"""The page in a real browser, before real processes: what is pressed there makes robots go and stop, and time."""
+"""Controls of the page in a real browser with real processes: drive and stop robots; pause, step and reset time."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_stop_stops_all_until_it_is_reset(fleet: PanelFleet, pages: PageOpener
 
 
 def hold(fleet: PanelFleet, page: Page, key: str) -> None:
-    """Press a key that drives the third robot, ahead or back, and keep it down."""
+    """Press and hold a key that drives the third robot, ahead or back, and wait until the base obeys."""
     ahead = -1 if key == "," else 1
     page.keyboard.down(key)
     fleet.wait(lambda: ahead * fleet.speed("/tb3_2") > 0.05, what="tb3_2 drives")
@@ -60,7 +60,7 @@ def hold(fleet: PanelFleet, page: Page, key: str) -> None:
 
 
 def test_a_held_key_drives_and_the_robot_stops_when_the_hand_is_gone(fleet: PanelFleet, pages: PageOpener) -> None:
-    """A comma goes down and a semicolon comes up; a system key or a menu swallows the end of another."""
+    """A key may come up as another (comma as semicolon), or a system key or a menu may swallow its release."""
     page = pages.open("robots")
     for end, key in (("key up", "w"), ("Shift", ","), ("view changes", "w"), ("Meta", ",")):
         with case(end):

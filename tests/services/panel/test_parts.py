@@ -1,4 +1,4 @@
-"""The panel's mathematics and bounds: fields, times, frames, waiting parcels, places, ports, the address."""
+"""The panel's mathematics and limits: fields, times, binary frames, send queues, poses, ports, the address."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ def test_usage_is_measured_while_a_process_lives() -> None:
         assert usage.by_name["own"][1] > 10, "MiB"
         assert "child" in usage.by_name
         began = sum(os.times()[:2])
-        while sum(os.times()[:2]) - began < 0.02:  # the kernel counts in hundredths of a second
+        while sum(os.times()[:2]) - began < 0.02:  # the kernel's unit is a hundredth of a second
             pass
         usage.measure(pids)
         assert usage.by_name["own"][0] > 0, "percent of a core"

@@ -1,4 +1,4 @@
-"""Plots in a real browser: the stretch of time that they show, what is saved of it, and which plots come back."""
+"""Plots in a real browser: the time range that they show, its export, and the plots restored on a reload."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ SHOWN = "() => [...document.querySelectorAll('.plot')].map(each => each.querySel
 
 
 def times(plot: Locator) -> tuple[float, float]:
-    """First and last time of what the plot saves."""
+    """Return the first and last time [s] of the plot's CSV rows."""
     rows = held_csv(plot)[1:]
     return float(rows[0].split(",")[0]), float(rows[-1].split(",")[0])
 
 
 def stands(page: Page, shown: Locator) -> bool:
-    """Whether something has had its place for a while: what comes later on may still move it."""
+    """Whether an element keeps its place for 0.4 s: what loads later may still move it."""
     before = shown.bounding_box()
     page.wait_for_timeout(400)
     return before == shown.bounding_box()
 
 
 def dragged(page: Page, over: Locator) -> bool:
-    """Whether a drag over the middle half met the plot where it was when the drag began; if not, it is taken back.
+    """Drag over the middle half of a plot; return whether the plot was still there at the end, else undo the drag.
 
-    Like a hand, it rests before it presses: the plots go on meanwhile.
+    It waits before it presses, as a user does: the plots keep moving meanwhile.
     """
     if not stands(page, over):
         return False
@@ -71,16 +71,16 @@ SWATCHES = """plot => [...plot.querySelectorAll(".chip .swatch")].map(each => {
   const shown = backgroundImage === "none" ? backgroundColor : backgroundImage;
   return [...shown.match(/rgb\\((.*?)\\)/)[1].split(",").map(Number), backgroundImage];
 })"""
-"""Red, green, blue and the dashes of each line in the legend."""
+"""Returns red, green, blue and the dash pattern of each line in the legend."""
 AFTER_ROBOTS = f"""(plot, [robots, free]) => {{
   window.elea.link.emit("robots", {{ robots, free, all_stopped: false }});
   return ({SWATCHES})(plot);
 }}"""
-"""The same right after the page was told of robots and of the colours that none has."""
+"""The same right after the page received a list of robots and the colours that are free."""
 
 
 def legend(plot: Locator) -> list[tuple[Colour, str]]:
-    """The colour and the dashes of each line of a plot, as its legend shows them."""
+    """Return the colour and dash pattern of each line of a plot from its legend."""
     return swatches(plot.evaluate(SWATCHES))
 
 
@@ -153,7 +153,7 @@ DRAWN = """plot => {
       rows.add(Math.floor(i / 4 / canvas.width));
   return rows.size;
 }"""
-"""How many rows of the picture have a pixel in the colour of the plot's first line."""
+"""Returns how many pixel rows have a pixel in the colour of the plot's first line."""
 
 
 def test_numbers_that_only_a_script_has_a_type_for_are_drawn(

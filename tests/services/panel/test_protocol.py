@@ -1,4 +1,4 @@
-"""What becomes of senseless words, and of pages that do not keep to the terms: a real server, without a fleet."""
+"""Invalid messages and pages that break the protocol, on a real server without a fleet."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_text_that_is_not_utf8_is_refused_and_counted_as_any_other_bad_word(
     with desk.page_socket() as page:
         page.send(b'{"k":"estop","id":1,"on":true}\xff', text=True)
         assert "only text is understood, in UTF-8" in receive(page)["reason"]
-        page.send(iter([b'{"k":"log', b"\xc3"]), text=True)  # in two frames, the last of which ends within a character
+        page.send(iter([b'{"k":"log', b"\xc3"]), text=True)  # in two frames, the last of which ends inside a character
         assert "only text is understood, in UTF-8" in receive(page)["reason"]
         assert desk.board.pages[0].rejected == 2
         page.send('{"k":"subscribe","fields":["/größe"]}'.encode(), text=True)
@@ -84,7 +84,7 @@ def consume(page: ClientConnection) -> None:
 
 
 def closed(page: ClientConnection) -> int:
-    """The code with which the server closes, whatever it says before."""
+    """Return the code with which the server closes, after any other messages."""
     with pytest.raises(ConnectionClosed) as ended:
         consume(page)
     assert ended.value.rcvd is not None
@@ -138,6 +138,6 @@ def test_a_page_that_goes_before_it_is_let_in_takes_no_place(server: ServerHarne
         "subprotocols": [],
         "headers": [(name, value.replace(b"{port}", str(server.port).encode())) for name, value in headers],
     }
-    with ThreadPoolExecutor() as beside:  # the browser of other tests has the main thread's event loop
+    with ThreadPoolExecutor() as beside:  # the main thread's event loop belongs to the browser of other tests
         beside.submit(lambda: asyncio.run(create_app(pass_, board)(scope, receive, send))).result(WITHIN_S)
     assert board.pages == []

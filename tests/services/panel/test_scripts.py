@@ -1,4 +1,4 @@
-"""The mathematics of the page, run in a real browser's engine: histories, merging, CSV, the layout of the graph."""
+"""The page's mathematics, run in a real browser's engine: histories, merging, CSV, the layout of the graph."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.services.panel.server_harness import ServerHarness
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, server: ServerHarness, kept_pages: list[Page]) -> Iterator[Page]:
-    """One for all tests: none of them changes what it shows for good."""
+    """One page for all tests, as none changes it permanently."""
     with page_opener(browser, server.url, kept_pages) as pages:
         yield pages.load()
         pages.end_test(failed=False)

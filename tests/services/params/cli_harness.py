@@ -17,7 +17,7 @@ SETS = "/robot_control", "/tb3_0/waypoint", "/tb3_1/waypoint"
 
 
 class CommandResult(NamedTuple):
-    """Exit status, standard output and errors of a command line."""
+    """Exit status, standard output and standard error of a command."""
 
     status: int
     out: str
@@ -28,14 +28,14 @@ RunCommand = Callable[..., CommandResult]
 
 
 class ParameterServiceProcess:
-    """A network with the service, and who announces."""
+    """A network with the service and a client that announces sets."""
 
     def __init__(self, network: Network, client: ParameterTestClient, folder: Path) -> None:
         self.network, self.client, self._file = network, client, folder / "params.db"
         self.service = self.start()
 
     def start(self) -> Process:
-        """Start the service, on the same file again when it was there before, with everything announced."""
+        """Start the service, always on the same file, and announce all sets."""
         service = self.service = start_and_wait(self.network, self.client, self._file)
         self.client.announce(arm_announcement(node="/arm"))
         self.client.announce(arm_announcement(node="/reference", parameters=ARM_PARAMETERS[:2]))
@@ -47,7 +47,7 @@ class ParameterServiceProcess:
 def param_command(
     service: ParameterServiceProcess, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> RunCommand:
-    """``elea param VERB ...`` at the bench."""
+    """Return a function that runs ``elea param VERB ...`` in this process."""
 
     def run(verb: str, *words: str) -> CommandResult:
         monkeypatch.setattr(sys, "argv", ["elea", "param", verb, "--connect", service.network.endpoint, *words])

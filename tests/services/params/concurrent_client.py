@@ -1,4 +1,4 @@
-"""A client of the parameter service in a process of its own: it sets one value after the other as fast as it can."""
+"""A client of the parameter service in a process of its own, which sets values as fast as it can."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from services.runtime.transport.zenoh_config import configuration
 from tests.services.params.parameter_client import ParameterTestClient, value_dict
 
 PARAMETER_OF_CLIENT = "ss_Kp", "tr_Kp", "ref_angle", "offset"
-"""The parameter of each client; all of them set ``window``, too."""
+"""The parameter of each client; all of them also set ``window``."""
 
 
 def set_repeatedly(endpoint: str, client: int, count: int) -> list[float]:
-    """What was acknowledged of ``count`` sets."""
+    """Set a value ``count`` times; return the acknowledged values."""
     own, acknowledged = PARAMETER_OF_CLIENT[client], []
     with ZenohTransport(configuration("star", (endpoint,), domain="crowd")) as transport:
         me = ParameterTestClient(transport, timeout=30.0)

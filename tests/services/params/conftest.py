@@ -1,4 +1,4 @@
-"""An in-memory network, a clock by hand, a desk in memory, and the real service with its command line."""
+"""A parameter server in memory, and the real service with its command line."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ from tests.services.runtime.conftest import clock as clock
 
 @pytest.fixture
 def at() -> Iterator[ServerHarness]:
-    """A desk in memory, to which the arm has announced its set."""
+    """A parameter server in memory, to which the arm has announced its set."""
     with server_harness() as made:
         made.server.announce(arm_announcement(fleet=assignments(ref_angle=20), command_line=assignments(tr_Kp=5)))
         yield made
@@ -22,7 +22,7 @@ def at() -> Iterator[ServerHarness]:
 
 @pytest.fixture(scope="package")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ParameterServiceProcess]:
-    """The real service, once for all files that ask it from the command line."""
+    """The real service, started once for all files that use the command line."""
     folder = tmp_path_factory.mktemp("param")
     with Network(folder) as network, connected_client(network) as client:
         yield ParameterServiceProcess(network, client, folder)
@@ -32,7 +32,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ParameterServi
 def param(
     service: ParameterServiceProcess, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Iterator[RunCommand]:
-    """``elea param VERB ...`` in this process; every set is as announced before and after."""
+    """Run ``elea param VERB ...`` in this process; every set is reset afterwards."""
     run = param_command(service, monkeypatch, capsys)
     yield run
     for name in SETS:

@@ -1,4 +1,4 @@
-"""A set to play with, and a parameter service in a process of its own to ask."""
+"""A parameter set for tests, and a client of a parameter service in a process of its own."""
 
 from __future__ import annotations
 
@@ -44,22 +44,22 @@ ARM_PARAMETERS = (
 
 
 def arm_announcement(name: str = "/robot_control", node: str = "/arm", **more: Any) -> Announcement:
-    """What the arm would announce."""
+    """Return an announcement as the arm makes it."""
     return Announcement(set=name, node=node, **{"parameters": ARM_PARAMETERS, **more})
 
 
 def assignments(**given: Any) -> tuple[Assignment, ...]:
-    """Assignments."""
+    """Return assignments from keyword arguments."""
     return tuple(Assignment(name=name, value=value) for name, value in given.items())
 
 
 def value_dict(record: ParameterValues) -> dict[str, Any]:
-    """The values by name."""
+    """Return the values by name."""
     return {each.name: each.value for each in record.values}
 
 
 class ParameterTestClient:
-    """What a node and a person ask of the service, each question once unless it says otherwise."""
+    """A client for the requests of nodes and users; each is sent once, except by ``set_with_retry``."""
 
     def __init__(self, transport: Transport, timeout: float = 5.0) -> None:
         self.transport, self.timeout = transport, timeout
@@ -72,7 +72,7 @@ class ParameterTestClient:
         return call(self.transport, PARAMS_SET, "params/set", asked, self.timeout)
 
     def set_with_retry(self, request: str, **given: Any) -> ParameterValues:
-        """Set, and ask again under the same id while no answer comes, as every node and tool does."""
+        """Set values, retrying with the same id until there is a reply, as every node and tool does."""
         asked = SetParameters(set="/robot_control", values=assignments(**given), id=request, who="tester")
         return call_idempotent(self.transport, PARAMS_SET, asked)
 
@@ -94,18 +94,18 @@ class ParameterTestClient:
 
 @contextmanager
 def connected_client(network: Network, domain: str = "", timeout: float = 5.0) -> Iterator[ParameterTestClient]:
-    """A connection to ask through."""
+    """Yield a client connected to the network."""
     with ZenohTransport(configuration("star", (network.endpoint,), domain=domain)) as transport:
         yield ParameterTestClient(transport, timeout)
 
 
 def start_service(network: Network, file: Path | str, *arguments: str) -> Process:
-    """The parameter service on a file."""
+    """Start the parameter service on a file."""
     return network.start("params", "--param", f'file="{file}"', *arguments)
 
 
 def start_and_wait(network: Network, asking: ParameterTestClient, file: Path | str, *arguments: str) -> Process:
-    """The same, once it answers."""
+    """Start the parameter service and wait until it answers."""
     process = start_service(network, file, *arguments)
     wait_until(lambda: asking.is_available() or process.status is not None, 20.0, "an answer of the parameter service")
     assert process.status is None, process.text

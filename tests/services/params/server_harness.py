@@ -1,4 +1,4 @@
-"""A desk in memory or on a file, with what it tells and logs."""
+"""A parameter server in memory or on a file, with its publications and log."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SET = "/robot_control"
 
 
 class ServerHarness:
-    """A desk, what it told, and what it logged."""
+    """A parameter server, its publications and its log."""
 
     def __init__(
         self, desk: ParameterServer, told: list[Any], out: io.StringIO, alive: set[str], ended: list[str]

@@ -1,4 +1,4 @@
-"""A desk on a file of parameters, with a set of many, and what lies in it."""
+"""A parameter server on a file, with a set of many parameters, and its content."""
 
 from __future__ import annotations
 

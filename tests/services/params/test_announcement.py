@@ -1,4 +1,4 @@
-"""The desk and who announces: nodes that come, come back, leave, and bring another schema."""
+"""Announcements to the parameter server: nodes that join, return, leave, and change their schema."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_node_that_has_gone_has_no_say(at: ServerHarness) -> None:
 
 
 def test_who_leaves_is_followed_by_nobody_and_begins_anew_when_it_returns(at: ServerHarness) -> None:
-    """As a robot that is deleted, and spawned again under its name."""
+    """Like a robot that is deleted and spawned again under its name."""
     at.set(ss_Kp=2)
     at.set(run=True, ref_angle=11)
     at.server.announce(Announcement(set=SET, node="/arm", leaves=True))

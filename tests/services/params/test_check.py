@@ -1,4 +1,4 @@
-"""Values against descriptions: what fits, what is refused with its reason, and what a clamp makes of it."""
+"""Checking values against descriptions: valid ones, rejected ones with the reason, and clamped ones."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_choice_is_one_of_them() -> None:
 
 
 def test_a_choice_is_named_by_what_it_stands_for_too() -> None:
-    """Of an enum of ROS: names first, then its numbers, as numbers or as text, or its texts."""
+    """For a ROS enum: by name first, then by its number, as number or text, or by its string value."""
     kinds = described(type="str", choices=("step", "sine", "0"), choice_values=("0", "1", "2"))
     given: dict[Any, str] = {
         "sine": "sine",

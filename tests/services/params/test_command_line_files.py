@@ -1,4 +1,4 @@
-"""``elea param dump`` and ``load`` against the real service, and an answer that does not come."""
+"""``elea param dump`` and ``load`` against the real service, and a missing reply."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_file_of_one_set(param: RunCommand, service: ParameterServiceProcess, 
 
 
 def test_an_answer_that_does_not_come_is_told_as_it_is(param: RunCommand, service: ParameterServiceProcess) -> None:
-    """The service is stopped for a while, then gone."""
+    """The service is stopped at first, then gone."""
     service.service.signal(signal.SIGSTOP)
     try:
         said = param("list", "-t", "0.5")

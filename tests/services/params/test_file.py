@@ -1,4 +1,4 @@
-"""The file of parameters: what is not sound is refused untouched, what is sound is there to the last value."""
+"""The parameter file: a damaged one is rejected untouched, a valid one is read to the last value."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.services.params.server_on_file import read_values, server_on_file, se
 
 @pytest.fixture(scope="module")
 def valid_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], tuple[ParameterChange, ...]]:
-    """A file with a history, and what lies in it."""
+    """A file with a history, and its values and changes."""
     file = tmp_path_factory.mktemp("sound") / "params.db"
     with server_on_file(file) as at:
         for index in range(60):
@@ -46,7 +46,7 @@ def spoilt(valid_file: Path, folder: Path, data: bytes) -> Path:
 
 
 def outcome(file: Path, held: Any) -> str:
-    """``refused``, and then untouched, or ``whole``; anything else fails."""
+    """Open a file; return ``refused`` (left untouched) or ``whole``, fail on anything else."""
     before = contents(file.parent)
     try:
         with server_on_file(file) as at:
@@ -92,7 +92,7 @@ def test_corrupted_bytes_are_refused_or_harmless(valid_file: Any, tmp_path: Path
 
 @pytest.mark.slow
 def test_a_changed_value_is_found_though_the_database_is_in_order(valid_file: Any, tmp_path: Path) -> None:
-    """In forty of the places where it stands, from the first to the last."""
+    """In forty of the places where the value occurs, from the first to the last."""
     file, *_ = valid_file
     data, outcomes = file.read_bytes(), []
     parts = data.split(b"p7")
@@ -123,7 +123,7 @@ def test_damage_beside_a_log_that_a_kill_left_is_refused_with_both_untouched(tmp
 
 
 def format_1(file: Path) -> Path:
-    """A file as Elea wrote it before format 2."""
+    """Write a file in Elea's format 1."""
     with closing(sqlite3.connect(file)) as connection:
         connection.executescript((Path(__file__).parent / "data" / "format_1.sql").read_text())
     return file
@@ -209,7 +209,7 @@ def test_a_log_whose_file_is_gone_is_not_silently_dropped(tmp_path: Path) -> Non
 
 @contextmanager
 def as_nobody() -> Iterator[None]:
-    """Without the leave that a superuser has everywhere."""
+    """Run without a superuser's permissions."""
     before = os.geteuid()
     if before == 0:
         os.seteuid(65534)

@@ -1,4 +1,4 @@
-"""Sets that come and go under ever new names: what nobody needs any more is forgotten, everywhere."""
+"""Sets that come and go under ever new names: data no longer needed is forgotten everywhere."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_what_its_readers_would_refuse_is_not_set(at: ServerHarness) -> None:
 
 @pytest.mark.slow
 def test_the_most_work_that_announcements_and_changes_can_make_is_bounded(at: ServerHarness) -> None:
-    """Counted in pairs of characters compared and sentences written, not in time."""
+    """Counts compared pairs of characters and written sentences, not time."""
     names = [f"{'ab' * 40}{number:04}" for number in range(1000)]
     at.server.announce(
         arm_announcement("/wide", "/arm", parameters=tuple(ParameterDescription(name=each) for each in names))

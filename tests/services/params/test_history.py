@@ -1,4 +1,4 @@
-"""The desk and what was: undo, history, retries under one id, and a file for the next service."""
+"""The parameter server's past: undo, history, retries under one id, and the file for the next service."""
 
 from __future__ import annotations
 

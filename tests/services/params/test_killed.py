@@ -1,4 +1,4 @@
-"""The parameter service killed mid-set at 20 random instants: every client knows what became of what it asked."""
+"""The parameter service killed while setting, at 20 random instants: clients can find out whether a set was applied."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from tests.services.params.parameter_client import (
 
 KILLS = 20
 LANES = 4
-"""Services at work side by side, each with a file and a domain of its own."""
+"""Number of services in parallel, each with a file and a domain of its own."""
 SEED = 4
 UNSET = 37.5, 38.5
 WITHIN_S = 0.04
-"""Wall time after the start of a burst within which the kill comes."""
+"""Longest wall time [s] from the start of a burst to the kill."""
 
 
 def burst(client: ParameterTestClient, process: Process, chance: random.Random, number: int) -> tuple[int, int]:
-    """Set one number after the other until the service dies: the last acknowledged one, and the one on its way."""
+    """Set increasing numbers until the service dies; return the last acknowledged one and the pending one."""
     delay = chance.uniform(0.0, WITHIN_S)
     go = threading.Event()
 
@@ -58,7 +58,7 @@ def burst(client: ParameterTestClient, process: Process, chance: random.Random, 
 
 
 def lane(network: Network, file: Path, index: int) -> dict[str, int]:
-    """Kills in a row on one file; how often what was on its way had been applied, or not."""
+    """Kill services on one file in turn; return how often the pending set had been applied or lost."""
     chance = random.Random(f"{SEED} {index}")
     seen = {"applied": 0, "lost": 0}
     on_its_way = acknowledged = 0

@@ -1,4 +1,4 @@
-"""The loop on simulation time: scheduled changes, resets, and what latched subscribers see."""
+"""The loop on simulation time: scheduled changes, resets, and latched messages to late subscribers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SCHEDULE = (
 
 
 class LoopHarness:
-    """The service in a thread, a clock by hand, and a node that follows a set."""
+    """The service in a thread, a manual clock, and a node that subscribes to a set."""
 
     def __init__(self, bus: MemoryBus, clock: ManualClock, beside: Node, out: io.StringIO) -> None:
         self.bus, self.beside, self.out = bus, beside, out

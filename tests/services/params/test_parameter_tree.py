@@ -1,4 +1,4 @@
-"""The tree of ROS 1's parameters: rosmaster's semantics, its bounds, and the order of lockstep's changes."""
+"""The ROS 1 parameter tree: rosmaster's semantics, limits, and the order of changes in lockstep."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_a_tree_that_would_be_too_large_is_refused() -> None:
 
 
 def test_changes_of_a_tick_count_in_the_order_of_time_and_writer() -> None:
-    """Whatever the order in which they arrive, before or after the service's own tick at that time."""
+    """This holds for any order of arrival, before or after the service's own tick at that time."""
     changes = [
         asked("/who", "b", writer="/b", number=1, time=100),
         asked("/who", "a", writer="/a", number=1, time=100),
@@ -180,7 +180,7 @@ def test_changes_of_a_tick_count_in_the_order_of_time_and_writer() -> None:
 
 
 def test_changes_from_before_time_begins_count_from_the_first_tick() -> None:
-    """What others read until then is the tree of the start, whoever came first."""
+    """Until then others read the initial tree, whichever change arrived first."""
     server = ParameterTreeServer(lambda _: None)
     server.set(asked("/x", "b", writer="/b", number=1, time=0))
     server.set(asked("/x", "a", writer="/a", number=1, time=0))

@@ -1,4 +1,4 @@
-"""Announcements: checked, merged, and refused where nodes of a set contradict each other."""
+"""Announcements: checked, merged, and rejected where nodes of a set contradict each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The desk in memory: origins, atomic sets, levels, clamps and resets, and what must hold between parameters."""
+"""The parameter server in memory: origins, atomic sets, levels, clamps, resets, and relations between parameters."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_together_they_may_pass_each_other_and_null_is_under_no_bound(at: Server
 
 
 def test_who_contradicts_itself_already_can_still_be_mended(at: ServerHarness) -> None:
-    """The fleet file and what was saved may contradict each other, which no set has caused."""
+    """The fleet file and saved values may contradict each other, without any set being at fault."""
     at.server.announce(arm_announcement(parameters=BAND))
     at.set(slow=1.5)
     at.server.announce(arm_announcement(parameters=BAND, fleet=assignments(fast=1)))

@@ -1,4 +1,4 @@
-"""The parameter service as a process: many clients at once, files that it refuses, and a disk that is full."""
+"""The parameter service as a process: concurrent clients, rejected files, and a full disk."""
 
 from __future__ import annotations
 

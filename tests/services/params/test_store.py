@@ -1,4 +1,4 @@
-"""The store on its file: kills, full disks, two at once, and how much of the past is kept."""
+"""The store on its file: kills, full disks, two at once, and the limits of its history."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.services.params.server_on_file import SET, read_values, server_on_fil
 
 @pytest.mark.parametrize("harm", ["whole", "gone", "cut", "corrupt", "foreign"])
 def test_a_log_left_by_a_kill_can_lose_nothing_that_was_acknowledged(harm: str, tmp_path: Path) -> None:
-    """The file as a kill leaves it between commit and answer: the change is in the log alone."""
+    """The file as after a kill between commit and reply: the change is only in the write-ahead log."""
     live, copy = tmp_path / "live", tmp_path / "copy"
     live.mkdir()
     copy.mkdir()

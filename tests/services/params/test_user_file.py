@@ -1,4 +1,4 @@
-"""A controller of the user's own, run from a file: its parameters are typed, live and kept like everybody's."""
+"""A user's controller, run from a file: its parameters are typed, live and saved like those of any service."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SET = "/tb3_0/mine"
 
 
 def elea(network: Network, folder: Path, *words: str) -> tuple[int, str]:
-    """Exit status and output of the command line."""
+    """Run a command; return its exit status and output."""
     with Process(["-m", "deploy", *words, "--connect", network.endpoint], folder / "elea.log") as line:
         before = len(line.text)
         return line.wait(30.0), line.text[before:]
@@ -77,14 +77,14 @@ def test_the_parameters_of_a_file_are_set_checked_followed_and_kept(tmp_path: Pa
 
 
 class Commands:
-    """What the controller commands."""
+    """Receives the controller's commands."""
 
     def __init__(self, node: Node) -> None:
         self._node, self._commands = node, node.subscribe(CMD_VEL, "/tb3_0/cmd_vel")
         self._last = 0.0, 0.0
 
     def until(self, speed: float, turn: float) -> None:
-        """Until it commands this."""
+        """Wait until it commands these velocities."""
 
         def there() -> bool:
             self._node.update_subscribers()

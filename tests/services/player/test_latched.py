@@ -1,4 +1,4 @@
-"""Late joiners of a replay: they get the last message of every node that was latched on a topic, as in the run."""
+"""Late joiners of a replay get the last message of every node that latched a topic, as in the run."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.services.bag.sample_bags import START, TYPESTORE
 
 
 def frames(x: float, *names: str) -> TFMessage:
-    """Frames that lie ``x`` [m] before the world."""
+    """Return transforms of frames ``x`` [m] ahead of the world's origin."""
     at = Transform(translation=Vector3(x=x))
     return TFMessage(
         transforms=tuple(
@@ -40,7 +40,7 @@ def frames(x: float, *names: str) -> TFMessage:
 
 
 def recorded(network: Network, bag: Path) -> None:
-    """A bag of two nodes that are latched on two topics, one of which was started anew; then ten quiet minutes."""
+    """Record a bag of two nodes that latch two topics, one of them restarted; it ends after ten quiet minutes."""
     text = "/twice/robot_description"
     recorder = network.start("recorder", "--param", f"output={bag}", "--param", f'topics=["/tf_static", "{text}"]')
     wait_until(lambda: "recording to" in recorder.text, what=recorder.text)
@@ -92,7 +92,7 @@ def test_who_joins_a_replay_late_gets_the_last_of_every_node(network: Network, n
 
 
 class ReceivedMessages:
-    """All that has come on a topic."""
+    """All messages of a topic."""
 
     def __init__(self, source: Subscriber[Any]) -> None:
         self._source = source
@@ -110,7 +110,7 @@ def heard(node: Node) -> tuple[ReceivedMessages, ReceivedMessages]:
 
 
 def foreign(folder: Path, *messages: TFMessage) -> Path:
-    """A bag as rosbag2 writes it: nothing tells its senders apart."""
+    """Write a bag as rosbag2 does, without any identification of publishers."""
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         fixed = bag.add_connection("/tf_static", "tf2_msgs/msg/TFMessage", typestore=TYPESTORE)
         for number, message in enumerate(messages):

@@ -1,4 +1,4 @@
-"""A bag beside a simulation goes with its time, from the moment at which the bag begins."""
+"""A bag played beside a simulation follows its time from the moment at which playback starts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SECOND = 10**9
 
 
 def tell(out: Publisher[Clock], start: int, end: int, epoch: int = 0) -> None:
-    """The clock from one second to another, ten times in each."""
+    """Publish the clock from one second to another, at 10 Hz."""
     for tenth in range(start * 10, end * 10 + 1):
         out.publish(Clock(clock=Time.of(tenth * SECOND // 10), epoch=epoch))
 
@@ -26,13 +26,13 @@ def test_time_that_passed_before_the_bag_began_is_none_of_its_time() -> None:
     with memory_node(MemoryBus(), "player") as player:
         pace = SimClock(Context(player, Parameters(), None), 1.0)
         out = player.advertise(CLOCK)
-        tell(out, 0, 50)  # while subscribers were waited for
+        tell(out, 0, 50)  # while waiting for subscribers
         pace.start()
         pace.wait_until(BagTime(0, 0, 0))
         tell(out, 50, 53)
         pace.wait_until(BagTime(3 * SECOND, 0, 0))
         assert pace.elapsed == 3 * SECOND
-        tell(out, 0, 2, epoch=1)  # a reset takes nothing back
+        tell(out, 0, 2, epoch=1)  # a reset doesn't rewind playback
         pace.wait_until(BagTime(5 * SECOND, 0, 0))
         assert pace.elapsed == 5 * SECOND
         pace.start()

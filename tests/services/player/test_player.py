@@ -1,4 +1,4 @@
-"""The player as a real process: times, names, latched topics, the clock of others, and all that cannot be played."""
+"""The player as a real process: times, names, latched topics, foreign clocks, and what can't be played."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def test_beside_a_simulation_it_follows_its_time(network: Network, node: Node, b
 
     while heard < 101:
         out.publish(Clock(clock=Time.of(sent * 20_000_000), tick=sent * 4))
-        wanted = min(101, 2 * sent + 1)  # one at 0 s, and one each 10 ms of the simulation's time
+        wanted = min(101, 2 * sent + 1)  # one at 0 s and one every 10 ms of simulation time
         sent += 1
         while heard < wanted:
             heard += wait_until(so_far, 10, f"odometry number {heard + 1} of {wanted}")

@@ -1,4 +1,4 @@
-"""The order of what is recorded as it comes, and of what comes after the last tick: that of its sending."""
+"""The order of recorded messages, also of those that arrive after the last tick, is that of their sending."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.harness.waiting import wait_until
 
 @contextmanager
 def taping(folder: Path) -> Iterator[tuple[Node, Node, BagRecorder]]:
-    """A node that sends, one that listens, and the tape of what this one hears: the clock and a command."""
+    """A sending node, a receiving one, and a recorder of the clock and a command that it receives."""
     bus = MemoryBus()
     with memory_node(bus, "simulation") as sender, memory_node(bus, "recorder") as taker, BagWriter(folder) as bag:
         sender.advertise(CLOCK)
@@ -57,7 +57,7 @@ def test_a_command_that_overtakes_the_clock_has_the_time_before_which_it_was_sen
 
 
 def test_what_comes_after_the_last_tick_has_the_time_at_which_it_was_sent(tmp_path: Path) -> None:
-    """As late as the others went on without the recorder, and at no step: none of it counted in the run."""
+    """Other nodes went on without the recorder; such messages get times 1 ns after a step: none counted in the run."""
     with taping(tmp_path / "bag") as (sender, taker, tape):
         clock, command = sender.advertise(CLOCK), sender.advertise(CMD_VEL, "/r/cmd_vel")
         for ms in (20, 40, 60, 80):
@@ -70,5 +70,5 @@ def test_what_comes_after_the_last_tick_has_the_time_at_which_it_was_sent(tmp_pa
 
 
 def times(folder: Path) -> list[int]:
-    """When the commands in a bag were published, ns of simulation time."""
+    """Return the publish times of the commands in a bag [ns, simulation time]."""
     return [each.publish_time for each in open_bag(folder).entries() if each.channel.topic == "/r/cmd_vel"]

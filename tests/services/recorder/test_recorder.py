@@ -1,4 +1,4 @@
-"""The recorder as a real process: what it takes up, that a killed one loses a second at most, and a full disk."""
+"""The recorder as a real process: the topics that it records, a kill that costs at most a second, and a full disk."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from services.recorder import SERVICE
 from services.runtime.main import main
 main(SERVICE)
 """
-"""A recorder whose files cannot grow beyond a limit: the kernel refuses it as it does on a full disk."""
+"""A recorder with a file size limit: the kernel fails its writes as on a full disk."""
 
 SHORT_OF_SPACE = """
 import resource
@@ -72,7 +72,7 @@ model = "burger"
 
 
 def record(network: Network, node: Node, folder: Path, *options: str) -> Process:
-    """A recorder that has subscribed to everything that the node publishes."""
+    """Start a recorder and wait until it has subscribed to everything that the node publishes."""
     process = network.start("recorder", "--name", f"r{time.time_ns()}", "--param", f"output={folder}", *options)
     wait_until(lambda: "recording to" in process.text or process.status is not None, what=process.text)
     return process
@@ -112,7 +112,7 @@ def test_it_takes_up_all_that_there_is_and_what_comes_later(network: Network, no
     assert [typed.decode(each) for each in of["/r/cmd_vel"]] == [Twist.planar(k / 100, 0.0) for k in range(1, 51)]
     assert [each.publish_time for each in of["/r/cmd_vel"]] == [k * 20_000_000 for k in range(1, 51)]
     assert [each.data[-1] for each in of["/strange"]] == list(range(1, 51))
-    with AnyReader([tmp_path / "bag"]) as reader:  # a type that was announced has its own schema and CDR
+    with AnyReader([tmp_path / "bag"]) as reader:  # an announced type has its own schema and CDR
         [channel] = [each for each in reader.connections if each.topic == "/step"]
         lengths = [reader.deserialize(data, channel.msgtype).length for _, _, data in reader.messages([channel])]
     assert (channel.msgtype, lengths) == ("walk/msg/Step", [tick / 2 for tick in range(1, 51)])
@@ -188,7 +188,7 @@ def test_a_full_disk_stops_nothing_and_is_told(tmp_path: Path) -> None:
 
 
 def test_a_run_whose_bag_is_not_whole_says_so(tmp_path: Path) -> None:
-    """The run itself is as good as ever: its report says that all checks hold."""
+    """The run itself isn't affected: its report says that all checks hold."""
     terminal = CommandLine(tmp_path)
     (tmp_path / "limited.py").write_text(SHORT_OF_SPACE)
     fleet = tmp_path / "fleet.toml"

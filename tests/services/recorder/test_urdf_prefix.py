@@ -1,4 +1,4 @@
-"""Descriptions in a bag fit its frames: the links bear the robot's prefix, whatever the bag tells it to be."""
+"""Robot descriptions in a bag match its frames: links get the prefix that the frames have."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ URDF = """<?xml version="1.0"?>
 
 
 def split(topic: str, text: str, *frames: str) -> tuple[Message, Message | None]:
-    """What is recorded of a description, and beside it, after these frames were heard."""
+    """Return the recorded description and its sidecar, after these frames were received."""
     fitting = UrdfPrefixer()
     fitting.add_frames([TFMessage(transforms=tuple(TransformStamped(child_frame_id=each) for each in frames))])
     return fitting.apply(topic, String(data=text))
@@ -85,6 +85,6 @@ def test_every_model_is_the_same_robot_with_a_prefix(model: str) -> None:
 
 
 def test_a_description_that_is_nested_without_end_is_recorded_as_it_is() -> None:
-    """What writes XML recurses: 1,500 elements within each other ended the recorder, and each that followed it."""
+    """Writing XML is recursive: 1,500 nested elements crashed the recorder, and each restarted one."""
     deep = URDF.replace("</robot>", "<a>" * 1500 + "</a>" * 1500 + "</robot>")
     assert split("/r/robot_description", deep, "r/base") == (String(data=deep), None)

@@ -1,4 +1,4 @@
-"""The reference service's loop on the transport in memory; the test plays the simulation."""
+"""The reference service's loop on the in-memory transport; the test plays the simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CSV files of references: what is read, and where and why a bad one is refused."""
+"""CSV files of references: accepted notations, and errors with line and reason."""
 
 from __future__ import annotations
 

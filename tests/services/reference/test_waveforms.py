@@ -1,4 +1,4 @@
-"""The forms of the reference over time: values, continuity at changes, and where each begins."""
+"""The reference's waveforms: values, continuity at changes, and start values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def follow(forms: WaveformGenerator, seconds: float, **parameters: Any) -> list[
 
 
 def steepest(values: list[float]) -> float:
-    """deg/s."""
+    """Return the largest slope [deg/s]."""
     return max(abs(b - a) for a, b in pairwise(values)) / DT
 
 
@@ -37,7 +37,7 @@ def test_a_sine_begins_at_0_and_has_its_gain_and_frequency() -> None:
 
 @pytest.mark.parametrize(("angle", "phase"), [(30.0, 0.25), (15.0, 1 / 12), (-15.0, 11 / 12), (80.0, 0.25)])
 def test_a_sine_goes_on_from_the_present_angle_upward(angle: float, phase: float) -> None:
-    """From beyond its gain it begins at its extreme, which is the least of jumps."""
+    """From an angle beyond its gain it starts at its extreme, for the smallest jump."""
     forms = WaveformGenerator()
     follow(forms, 0.1, ref_angle=angle)
     values = follow(forms, 1.0, reference_type="sine", sin_ref_gain=30.0, sin_ref_f=0.2)
@@ -46,7 +46,7 @@ def test_a_sine_goes_on_from_the_present_angle_upward(angle: float, phase: float
 
 
 def test_a_change_of_frequency_is_no_jump() -> None:
-    """The tutorial's sine of the time since the start would jump by up to twice the gain."""
+    """The tutorial's sine, of the time since the start, would jump by up to twice the gain."""
     forms = WaveformGenerator()
     before = follow(forms, 7.3, reference_type="sine", sin_ref_gain=30.0, sin_ref_f=0.2)
     after = follow(forms, 5.0, reference_type="sine", sin_ref_gain=30.0, sin_ref_f=1.0)
@@ -74,7 +74,7 @@ def test_a_ramp_keeps_to_its_rate_and_ends_on_its_angle() -> None:
 
 
 def test_a_ramp_does_not_come_back_from_beyond_the_joint() -> None:
-    """From 300 deg, where it never was, it would stand at the end of the range for 21 s."""
+    """A ramp from 300 deg, which the joint never reached, would keep it at its limit for 21 s."""
     forms = WaveformGenerator()
     follow(forms, 0.1, ref_angle=300.0)
     values = follow(forms, 1.0, reference_type="ramp", ref_angle=0.0, ramp_rate=10.0)

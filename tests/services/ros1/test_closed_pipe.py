@@ -1,4 +1,4 @@
-"""Commands of ROS 1 whose output nobody reads to its end, as in ``rosmsg list | head -1``."""
+"""ROS 1 commands whose output isn't read to its end, as in ``rosmsg list | head -1``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ run_command(lambda: print(sys.argv[1]))
 
 
 def test_a_command_whose_reader_has_gone_ends_without_a_word() -> None:
-    """Whether the pipe breaks while it writes, or when it ends."""
+    """Whether the pipe breaks during writing or at exit."""
     for size in (10, 1_000_000 // 10):
         reader, writer = os.pipe()
         os.close(reader)

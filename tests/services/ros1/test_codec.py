@@ -1,4 +1,4 @@
-"""ROS 1's messages and our own records are the same on the bus, and what is none is refused."""
+"""ROS 1 messages and our records are identical on the bus; invalid payloads are rejected."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def genpy() -> Iterator[ModuleType]:
 
 
 def ros_records() -> dict[str, type[Message]]:
-    """Our records of types that ROS 1 knows."""
+    """Return our records of types that ROS 1 knows."""
     found = {}
     for name, record in RECORDS.items():
         try:
@@ -74,7 +74,7 @@ def _check_round_trip(genpy: Any, name: str, record: type[Message]) -> None:
 
 
 def _fits_ros1(value: object) -> bool:
-    """Whether no time in a message is negative, and no byte larger than a signed one."""
+    """Whether all times in a message are non-negative and all bytes fit a signed byte."""
     match value:
         case Time(sec=sec):
             return sec >= 0
@@ -89,7 +89,7 @@ def _fits_ros1(value: object) -> bool:
 
 @pytest.mark.slow
 def test_each_standard_message_is_read_as_it_was_sent(genpy: Any) -> None:
-    """The default message of every type, through the bus and through ROS 1's binary format."""
+    """Round trips of every type's default message, through the bus and through ROS 1's binary format."""
     import io
 
     for name in [*catalogue().all_types("msg"), *catalogue().all_types("action")]:

@@ -1,4 +1,4 @@
-"""Messages and times behave as those of ROS 1: what real rospy prints and raises, line by line."""
+"""Messages and times behave as in ROS 1, compared with output and errors of real rospy, line by line."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def ros() -> Iterator[Any]:
 
 
 def outcome(do: Callable[[], Any]) -> str:
-    """What a call gives or raises, as one line of text."""
+    """Return a call's result or exception as one line of text."""
     try:
         given = do()
     except Exception as error:  # noqa: BLE001 - it is what is compared
@@ -45,7 +45,7 @@ def outcome(do: Callable[[], Any]) -> str:
 
 
 def sent(message: Any) -> Any:
-    """A message after its way through ROS 1's binary format, and, equally, through Elea's bus."""
+    """Return a message after ROS 1's binary format; assert that Elea's bus gives the same."""
     import genpy
 
     buffer = io.BytesIO()
@@ -143,7 +143,7 @@ def test_messages_are_made_and_shown(ros: Any) -> None:
             "setattr(SetBool(), 'effort', 1)": "None",
         },
     )
-    with pytest.raises(AttributeError, match=r"^'Twist' object has no attribute 'speed'"):  # Python 3.13 says more
+    with pytest.raises(AttributeError, match=r"^'Twist' object has no attribute 'speed'"):  # Python 3.13 adds more text
         ros.Twist().speed = 1
 
 

@@ -1,4 +1,4 @@
-"""PyKDL, tf_conversions, tf2_kdl and angles: figures of the libraries themselves."""
+"""PyKDL, tf_conversions, tf2_kdl and angles, against values computed by the original libraries."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_pykdl_gives_its_figures() -> None:
         "diff(Rotation.RotZ(1), Rotation.RotX(0.4))": [0.365927941, 0.199907345, -0.986173895],
         "addDelta(Rotation.RotZ(1), Vector(0.1, 0.2, 0.3)).UnitX()": [0.26731538, 0.963561252, 0.00960213],
     }.items():
-        found = numbers(eval(expression, {**names, "math": math}))  # the expressions are those above
+        found = numbers(eval(expression, {**names, "math": math}))  # expressions from this file only
         assert found == pytest.approx(wanted, abs=1e-8), expression
     assert str(PyKDL.Vector(1, 2.5, -3)) == "[           1,         2.5,          -3]"
     assert str(PyKDL.Rotation()).splitlines()[1] == "            0,           1,           0;"

@@ -1,4 +1,4 @@
-"""Launch files and nodes that a script starts by the module roslaunch."""
+"""Launch files and nodes that a script starts with the module roslaunch."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def kernel() -> Iterator[ScriptKernel]:
 
 @pytest.fixture
 def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """What the commands were told, which stand for ours."""
+    """A folder where fakes of our commands record their arguments."""
     for name in ("roslaunch", "rosrun"):
         (tmp_path / name).write_text(COMMAND)
         (tmp_path / name).chmod(0o755)

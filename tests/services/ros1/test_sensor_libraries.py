@@ -47,7 +47,7 @@ def test_messages_with_one_stamp_come_together() -> None:
         *((first, 6), (second, 3), (second, 5), (second, 6)),
     ):
         source.signalMessage(at(time))
-    assert out == [(1, 1, "extra"), (5, 5, "extra"), (6, 6, "extra")]  # 3 had left the queue of three
+    assert out == [(1, 1, "extra"), (5, 5, "extra"), (6, 6, "extra")]  # 3 had been dropped from the queue of three
 
 
 def test_messages_with_near_stamps_come_together(capfd: pytest.CaptureFixture[str]) -> None:
@@ -197,7 +197,7 @@ def test_pixels_and_rays_by_camera_info() -> None:
     assert camera.projectPixelTo3dRay((12, 13)) == pytest.approx((-0.34695, -0.18754, 0.91894), abs=1e-5)
     assert (camera.getDeltaU(1, 2), camera.getDeltaV(1, 0), camera.tfFrame()) == (24.5, math.inf, "camera")
     assert (camera.fovX(), camera.fovY()) == pytest.approx((1.15705, 0.91090), abs=1e-5)
-    # A raw image whose colour says the raw pixel is rectified: each pixel says where it came from.
+    # Rectifies a raw image whose colours are its pixel coordinates, so each pixel of the result shows its origin.
     raw = np.stack(np.meshgrid(np.arange(64.0), np.arange(48.0)), axis=-1)
     rectified = np.zeros_like(raw)
     camera.rectifyImage(raw, rectified)

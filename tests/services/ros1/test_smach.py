@@ -22,7 +22,7 @@ def kernel() -> Iterator[ScriptKernel]:
 
 
 def state(result: Any, outcomes: tuple[str, ...] = ("done",), **keys: Any) -> Any:
-    """A state that returns a result, or what a function makes of its data."""
+    """Return a state with a fixed outcome, or with the outcome of a function of its userdata."""
     import smach
 
     return smach.CBState(lambda ud: result(ud) if callable(result) else result, outcomes=list(outcomes), **keys)

@@ -1,4 +1,4 @@
-"""tf and actionlib when simulation time goes back."""
+"""tf and actionlib when simulation time jumps back."""
 
 from __future__ import annotations
 

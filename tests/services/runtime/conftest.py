@@ -35,5 +35,5 @@ def connect(request: pytest.FixtureRequest) -> Iterator[Callable[[], Transport]]
             return
         router = router_endpoint(free_port())
         stack.enter_context(ZenohTransport(configuration("router", listen=(router,))))
-        # Names are their own here: no node waits for others of its name to come into sight.
+        # Names are unique here: no node has to wait until it has discovered others of its name.
         yield lambda: ZenohTransport(configuration("direct", (router,), reliable=True), settle_s=0.0)

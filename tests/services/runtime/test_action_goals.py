@@ -1,4 +1,4 @@
-"""The states of goals, as actionlib's servers keep them."""
+"""The states of action goals, as in actionlib's servers."""
 
 from __future__ import annotations
 

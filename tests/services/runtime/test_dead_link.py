@@ -1,4 +1,4 @@
-"""A node whose link to its router answers nothing any more ends as soon as it is asked to, in both topologies."""
+"""A node on a dead link to its router ends promptly when asked to, in both topologies."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
 
 LINGER_S = 10.0
-"""Wall time for which Zenoh's sockets wait for the other side when they are closed, and a node once did."""
+"""Wall time for which Zenoh's sockets linger when closed, and for which a node once hung."""
 UNREAD_BYTES = 2000
-"""Of some 4096 that a receiver of the proxy holds: what follows stays with its sender."""
+"""Nearly half of the proxy's receive buffer of some 4096 bytes; data beyond that stays with its sender."""
 SOON_S = 5.0
-"""What is asserted in place of the 2 s that are promised: this machine may be busy."""
+"""Asserted instead of the promised 2 s, as the machine may be busy."""
 
 TALKER = """
 import time
@@ -56,13 +56,13 @@ main(Service(name="talker", about="Talks, then asks.", run=run))
 
 
 class BlackHoleProxy:
-    """A proxy of a router that forwards everything until ``shut``; from then on it neither reads nor writes."""
+    """A proxy of a router that forwards everything until ``shut``, and then neither reads nor writes."""
 
     def __init__(self, router: str) -> None:
         self._router = str(path_of(router))
         self._shut, self._sockets = threading.Event(), [socket.socket()]
         self._clients: list[socket.socket] = []
-        # What is not read must stay with its sender: it lingers for what was not acknowledged.
+        # Unread data must stay with its sender, which lingers for unacknowledged data.
         self._sockets[0].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         self._sockets[0].bind(("127.0.0.1", 0))
         self._sockets[0].listen()
@@ -73,7 +73,7 @@ class BlackHoleProxy:
         self._shut.set()
 
     def unread_bytes(self) -> int:
-        """Bytes that clients have sent and nobody has read."""
+        """Bytes sent by clients and not read by the proxy."""
         count, total = array.array("i", [0]), 0
         for each in self._clients:
             fcntl.ioctl(each, termios.FIONREAD, count)
@@ -119,7 +119,7 @@ def hole(network: Network) -> Iterator[BlackHoleProxy]:
 
 
 def test_node_on_a_dead_link_ends_soon(tmp_path: Path) -> None:
-    """In both topologies, side by side."""
+    """In both topologies, in parallel."""
     with ThreadPoolExecutor() as pool:
         folders = [tmp_path / topology for topology in ("direct", "star")]
         for each in folders:
@@ -148,7 +148,7 @@ def _end_on_dead_links(tmp_path: Path, topology: str) -> None:
         with begin(talks, "talker", "1000") as talker, begin(asks, "asker", "0") as asker:
             wait_until(lambda: (node.update_subscribers(), heard.messages)[1], 20, "odometry")
             wait_until(slow.recv, 20, "a request, which is never answered")
-            # The link is dead: what is sent is not taken. Zenoh, with a lease of 2 s, does not know it yet.
+            # The link is dead: sent data isn't read. Zenoh, with a lease of 2 s, hasn't noticed yet.
             asks.shut()
             _ends_soon(asker)
             talks.shut()

@@ -1,4 +1,4 @@
-"""The names that a controller imports from ``services.runtime``: all of them, and no others."""
+"""The names that ``services.runtime`` exports to controllers: exactly the documented ones."""
 
 from __future__ import annotations
 

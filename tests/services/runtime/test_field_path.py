@@ -1,4 +1,4 @@
-"""Field paths: what is one, what a type has, what a message has, and how its leaves are listed."""
+"""Field paths: their syntax, the fields of types and messages, and listing of leaves."""
 
 from __future__ import annotations
 

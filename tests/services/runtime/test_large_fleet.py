@@ -1,4 +1,4 @@
-"""Three hundred robots as a matter of sizes: no message that grows with the fleet outgrows its limit, none steps."""
+"""Message sizes for three hundred robots: no message that grows with the fleet exceeds its limit; no physics runs."""
 
 from __future__ import annotations
 
@@ -55,20 +55,20 @@ from tests.harness.memory_node import memory_node
 ROBOTS = 300
 NAMES = [f"robot_{number:03}" for number in range(ROBOTS)]
 BEATS = 24
-"""Heartbeats within which a node of any size has told of all its topics."""
+"""Number of heartbeats within which a node of any size has reported all its topics."""
 LONGEST_ARGUMENT = 1 << 17
-"""Bytes of one word of a command line: Linux's MAX_ARG_STRLEN."""
+"""Longest command line argument [bytes]: Linux's MAX_ARG_STRLEN."""
 
 
 class Network:
-    """A bus in memory, and all that was sent on it since the last look."""
+    """An in-memory bus, and all messages on it since the last call of ``sent``."""
 
     def __init__(self) -> None:
         self.bus = MemoryBus()
         self._inlet = MemoryTransport(self.bus).subscribe("**", 1 << 20)
 
     def sent(self) -> list[tuple[str, Any, int]]:
-        """Key, record and size of each sample. Each is within its topic's limit and decodes."""
+        """Return key, record and size of each new sample; assert that each decodes and keeps its topic's limit."""
         found = []
         for payload, _, (encoding, key) in iter(self._inlet.recv, None):
             record = RECORDS[encoding.partition(";")[2]]
@@ -78,7 +78,7 @@ class Network:
         return found
 
     def beats(self, of: Node, count: int = BEATS) -> list[Health]:
-        """The next heartbeats of a node."""
+        """Return the next heartbeats of a node."""
         self.sent()
         for _ in range(count):
             of.heartbeat.request_now()
@@ -93,7 +93,7 @@ def network() -> Network:
 
 @pytest.fixture(scope="module")
 def simulation_and_node(network: Network) -> Iterator[tuple[Simulation, Node]]:
-    """Three hundred burgers that stand, two metres apart; what is told of them is the same on each engine."""
+    """Three hundred burgers at rest, two metres apart; their messages are the same with each physics engine."""
     with (
         memory_node(network.bus, "sim") as simulation,
         open_world("mujoco", WorldDescription(), STEP_NS) as world,
@@ -107,7 +107,7 @@ def simulation_and_node(network: Network) -> Iterator[tuple[Simulation, Node]]:
 
 
 def whole(beats: list[Health], of: Node) -> None:
-    """All topics of a node are told within BEATS heartbeats, with totals that are those of the node."""
+    """Assert that these heartbeats report all topics of a node and its totals."""
     told = {each.topic for beat in beats for each in (*beat.inputs, *beat.outputs)}
     assert told == {each.name for each in (*of.subscribers, *of.publishers)}
     assert (beats[-1].reads, beats[-1].writes) == (len(of.subscribers), len(of.publishers))
@@ -120,7 +120,7 @@ def test_what_the_simulation_tells(network: Network, simulation_and_node: tuple[
         inputs = {topic: reader.subscribe(topic) for topic in (TF, TF_STATIC, MODEL_STATES, LINK_STATES)}
         network.sent()
         made.publish_static_tf()
-        made.tick = 40 * TF_STEPS  # everything is due
+        made.tick = 40 * TF_STEPS  # all topics are due
         made.publish()
         sizes = [(size, key) for key, _, size in network.sent()]
         assert len(sizes) > 5 * ROBOTS
@@ -144,7 +144,7 @@ def test_what_the_simulation_tells(network: Network, simulation_and_node: tuple[
 
 
 def test_the_largest_model_three_hundred_times() -> None:
-    """The fixed frames and links of as many Pioneers, in the proportion in which they have more than burgers."""
+    """Limits hold for the static frames and links of as many Pioneers, which have more than three times a burger's."""
     frames, burger = len(read_joints("p3dx")) + 1, len(read_joints("burger")) + 1
     assert TF_STATIC.largest > 250 * frames * ROBOTS
     assert LINK_STATES.largest > 400 * frames * ROBOTS

@@ -1,4 +1,4 @@
-"""``main`` called where it cannot run a service: without what one needs, or in a file that another one imports."""
+"""``main`` where it can't run a service: with a wrong declaration, or in a file that another one imports."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ CALL = 'main(run, name="imported", about="-")'
 
 
 def test_an_import_of_a_controller_starts_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither in a program of its own, nor for a fleet, which took the service of the import for that of the file."""
+    """Neither in a program nor in a fleet, which once took the imported file's service for the importing file's."""
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "bare_call.py").write_text(CONTROLLER % CALL)
     (tmp_path / "guarded_call.py").write_text(CONTROLLER % f'if __name__ == "__main__":\n    {CALL}')

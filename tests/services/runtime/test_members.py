@@ -1,4 +1,4 @@
-"""Waiting for a roster: who is ready, who has ended, and when the wait is over."""
+"""Waiting for a roster: ready members, ended ones, and the end of the wait."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_it_ends_without_those_that_have_ended_and_after_the_patience(bus: Memor
 
 
 def test_the_patience_begins_anew_with_each_node_that_comes(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three nodes come, each after most of the patience, on a clock by hand."""
+    """Three nodes join, each after most of the time limit, on a fake clock."""
     now, coming = [0.0], iter("abc")
 
     class Clock:

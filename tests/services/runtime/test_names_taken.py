@@ -1,4 +1,4 @@
-"""Who gets a name on a real network, and whom a newcomer sees by then."""
+"""Name claims on a real network, and the nodes that a new node has discovered by then."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def node(transport: ZenohTransport, name: str) -> Node:
 
 @pytest.mark.parametrize("role", ["direct", "star"])
 def test_a_newcomer_has_its_name_as_soon_as_it_sees_everybody(network: Network, role: Role) -> None:
-    """It would wait for a minute if it could not tell."""
+    """It would wait for a minute if it couldn't tell."""
     with ExitStack() as stack:
         names = [f"there_{number}" for number in range(6)]
         for name in names:
@@ -104,6 +104,6 @@ def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(
             taken.join(0.01)
         assert asked == [REPLACED]
         assert {each.session for each in snapshot(second) if each.node == "/talker"} >= {second.session}
-        monkeypatch.setattr(name_claim, "TAKEOVER_S", 0.1)  # nobody goes
+        monkeypatch.setattr(name_claim, "TAKEOVER_S", 0.1)  # no node gives way
         with transport(network) as third, pytest.raises(TryAgain, match="already there"), node(third, "talker"):
-            pass  # one of another kind is refused as ever
+            pass  # a node of another kind is rejected as before

@@ -1,4 +1,4 @@
-"""What a process of ours is bound to, and what it starts is not."""
+"""A process ends with its parent; the processes that it starts don't."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ for words in ([sys.executable, "-c", code], ["sh", "-c", sys.executable + ' -c "
 
 @pytest.mark.process
 def test_what_a_process_starts_is_not_bound_to_its_parent() -> None:
-    """Neither by itself nor through a shell: a program that a fleet runs may start others."""
+    """Neither directly nor through a shell: a program that a fleet runs may start others."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid())}
     done = subprocess.run(
         [sys.executable, "-P", "-c", BOUND], env=environment, capture_output=True, text=True, timeout=60, check=True

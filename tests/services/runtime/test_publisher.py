@@ -1,4 +1,4 @@
-"""What leaves when: commands at once, then Done, then the rest of a step in one go; and nothing is forgotten."""
+"""The order of publishing in a step: commands at once, then the report, then the rest together; nothing is lost."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EFFORT = Topic("/effort", Float64, 50, Quality.COMMAND, "what the simulation wai
 
 
 class Peer:
-    """A simulation that lets one member step, and hears in what order it is answered."""
+    """A simulation that grants steps to one member and counts the samples that it receives."""
 
     def __init__(self, transport: Transport, member: Node) -> None:
         self._go = transport.advertise(grant_key(member.transport.session), "", Quality.EVENT)
@@ -31,7 +31,7 @@ class Peer:
         self.done = StepReport(session="0", tick=0)
 
     def greet(self, pacer: LockstepPacer) -> None:
-        """Greet the member, take its answer."""
+        """Greet the member and read its answer."""
         pacer.start()
         self._put(0, ("/member",))
         assert pacer.next() is None
@@ -46,7 +46,7 @@ class Peer:
         self._go.put(encode(go), attachment=b"")
 
     def heard(self) -> dict[str, int]:
-        """How many samples of each kind have come since the last look."""
+        """Return how many samples of each kind have arrived since the last call."""
         counts = {}
         for name, inlet in self._inlets.items():
             while (sample := inlet.recv()) is not None:

@@ -1,4 +1,4 @@
-"""Who is cut off: only the one that misses most of the others, and after two looks."""
+"""Unreachable nodes: only one that misses most others is reported, at the second check."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def test_it_is_told_at_the_second_look_and_once(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("services.runtime.discovery.time.monotonic", lambda: now)
     near, far = MemoryBus(), MemoryBus()
     with MemoryTransport(near) as router, MemoryTransport(far) as outside, MemoryTransport(near) as member:
-        # Two buses, and the router's register on both: what lies behind the router is out of the outsider's sight.
+        # Two buses with the router's directory on both: the outsider doesn't see the nodes behind the router.
         register, relayed = NodeDirectory(router), outside.serve("@elea/register")
         mine = outside.declare_token(Entity(outside.session, "node", "/stray").key)
         token = member.declare_token(Entity(member.session, "node", "/sim", "sim").key)
         reach = ReachabilityCheck(outside, Log("/stray", out=out))
 
         def look() -> str:
-            """A look, with the router's answer to it."""
+            """Check once, with the router's answer."""
             reach.update()
             asked = member.query_async("@elea/register", b"", 0.5)
             register.answer()

@@ -1,4 +1,4 @@
-"""What a node answers: a bounded number of requests in a turn, none too large, none that ends it, and alone."""
+"""A node's request handling: bounded per turn and in size, failing handlers, deferred replies, several servers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STEP_KEY, PAUSE_KEY = STEP.name[1:], PAUSE.name[1:]
 
 
 def reason_of(pending: PendingReplies) -> str:
-    """Why a question was refused."""
+    """Return the reason for which a request was rejected."""
     replies = pending.poll()
     assert replies is not None
     return decoder(Refusal)(replies[0].payload).reason

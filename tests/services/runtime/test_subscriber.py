@@ -1,4 +1,4 @@
-"""What comes in is checked, counted and, in lockstep, held back until its tick is over."""
+"""Incoming messages are checked, counted and, in lockstep, held back until their tick is over."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TWIST = encoding(Twist.ROS_TYPE)
 
 
 class Sender:
-    """Puts raw samples, numbered or not; one with a number that it has sent already is the same one again."""
+    """Publishes raw samples, with or without a sequence number; a repeated number repeats the sample."""
 
     def __init__(self, bus: MemoryBus, node: str = "/a", kind: str = TWIST, key: str = KEY) -> None:
         transport = MemoryTransport(bus)
@@ -211,7 +211,7 @@ def test_what_no_member_told_of_is_held_within_bounds_and_never_blocks_its_true_
     assert source.received + source.refused == 5 * QUEUE_SIZE // 2 - 1
     assert "has reported 0" in source.reason
     other = MemoryTransport(bus).advertise(KEY, TWIST, Quality.COMMAND)
-    for number in (1, 2, 10**6) * 3:  # each time later than before, as if the publisher had begun again
+    for number in (1, 2, 10**6) * 3:  # each time later than before, as if the publisher had restarted
         other.put(encode(Twist.planar(9, 0)), attachment=pack_attachment(number, member.id[:10] + b"forged"))
     refused, lost = source.refused, source.lost
     source.update(marks)
@@ -228,7 +228,7 @@ def test_what_no_member_told_of_is_held_within_bounds_and_never_blocks_its_true_
 
 
 def test_numbers_that_fall_back_take_the_place_of_those_held(source: Subscriber[Twist]) -> None:
-    """A publisher whose numbers were forged may be followed again at lower ones."""
+    """After forged numbers, a publisher may be followed again at lower ones."""
     id_ = publisher_id("/member", "0", KEY)
     marks = Watermarks()
     marks.members = {id_[:10]}
@@ -279,7 +279,7 @@ def test_all_inputs_of_a_tick_share_one_patience_and_the_heart_beats_meanwhile(
         waited = time.monotonic() - begun
         witness.update_subscribers()
         assert [message.node for message, _ in beats.messages] == ["/reader"] * (len(beats.messages) or 1)
-        # Ten times the patience would be 12 s; how much more than once it takes is up to the machine.
+        # Ten times the time limit would be 12 s; how far it exceeds one depends on the machine.
         assert waited < 6 * 1.2
         assert [each.lost for each in sources] == [1] * 10, "of what was never heard, one is missing for certain"
         assert made.send_buffer.held is not None, "the burst of the step goes on"

@@ -1,4 +1,4 @@
-"""A publisher knows of its readers by their tokens, in whatever order the network's own hint comes."""
+"""A publisher knows its subscribers by their tokens, whenever the network's own notification arrives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The harness for users' tests: inputs, simulated time, parameters and outputs; and what goes wrong is said."""
+"""The harness for users' tests: inputs, simulated time, parameters, outputs, and clear errors."""
 
 from __future__ import annotations
 

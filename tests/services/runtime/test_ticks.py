@@ -1,4 +1,4 @@
-"""A service's loop over memory: ticks, snapshots, freshness, reset, pause, ending."""
+"""A service's loop on the in-memory transport: ticks, snapshots, freshness, reset, pause, end."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PERIOD_NS = 40 * MS
 
 
 class OdometryPublisher:
-    """Publishes odometry by hand."""
+    """Publishes odometry on request."""
 
     def __init__(self, bus: MemoryBus) -> None:
         self._outlet = MemoryTransport(bus).advertise("tb3_0/odom", encoding(Odometry.ROS_TYPE), Quality.SENSOR)
@@ -51,7 +51,7 @@ class OdometryPublisher:
 
 @contextmanager
 def running(bus: MemoryBus, run: Callable[[Context[Any]], None], rate: float = 25) -> Iterator[Context[Any]]:
-    """The loop in a thread of its own; stopped and joined at the end. An exception in it fails the test."""
+    """Run the loop in a thread, stopped and joined at the end. An exception in it fails the test."""
     waiter = memory_node(bus, "waypoint", "/tb3_0")
     with waiter:
         ctx: Context[Any] = Context(waiter, Parameters(), rate)
@@ -102,7 +102,7 @@ def test_what_was_missed_is_not_made_up_for(bus: MemoryBus, clock: ManualClock) 
 
 
 def test_ticks_that_a_late_node_does_not_take_are_counted(bus: MemoryBus, clock: ManualClock) -> None:
-    """Held up in its first tick, it finds more clocks at once: those of due ticks are missed, but for the newest."""
+    """Held up in its first tick, it finds several clock messages: all due ticks but the newest are missed."""
     ticks: list[int] = []
     go_on = threading.Event()
 
@@ -216,7 +216,7 @@ def test_without_a_clock_the_node_says_that_it_waits(bus: MemoryBus) -> None:
 def test_a_node_that_is_early_does_not_take_its_own_fleet_for_another_one(
     bus: MemoryBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Fleets that run are asked for alone where the node has joined none: a supervisor is there before the clock."""
+    """Other running fleets are named only if the node has joined none: a supervisor is up before the clock."""
     own = FleetInstance(fleet="own", mode="real", port=1, pid=1, folder="", started="")
     monkeypatch.setattr(pacing, "running_fleets", lambda: (own,))
     told = []
@@ -266,7 +266,7 @@ def test_messages_are_answered_as_they_come(bus: MemoryBus) -> None:
 def test_a_second_clock_is_counted_and_not_followed_until_the_first_is_silent(
     bus: MemoryBus, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As an older player of a bag tells one, or a second simulation: it must not reset every node 50 times a second."""
+    """As from an older bag player or a second simulation, which must not reset every node 50 times a second."""
     ticks: list[Tick] = []
 
     def run(ctx: Context[Any]) -> None:
@@ -280,7 +280,7 @@ def test_a_second_clock_is_counted_and_not_followed_until_the_first_is_silent(
             clock.publish((1000 + 20 * number) * MS)
             other.publish(Clock(clock=Time.of(20 * number * MS)))
 
-        # Without a token, the first gives way to the clock of a node once, for good.
+        # The first, which has no token, gives way to a node's clock once and for good.
         for number in range(20):
             tell(number)
             wait_until(lambda n=number: ticks and ticks[-1].time == 20 * n * MS)

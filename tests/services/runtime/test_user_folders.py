@@ -1,4 +1,4 @@
-"""Where a user's files are: in ELEA_HOME, in the checkout, or in the user's own folders."""
+"""The location of a user's files: ELEA_HOME, the checkout, or the user's own folders."""
 
 from __future__ import annotations
 

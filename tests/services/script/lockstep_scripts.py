@@ -1,4 +1,4 @@
-"""Scripts in threads that step with the smallest simulation, on a network in memory."""
+"""Scripts in threads that step with a minimal simulation, on an in-memory network."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ COUNT = Request("/count", Float64, Float64, "how many were served before")
 WITHIN_S = 60.0
 
 Body = Callable[[ScriptKernel, list[str]], None]
-"""A script: it gets its kernel, and writes down what it sees."""
+"""A script: a function of its kernel and a list for its observations."""
 
 
 def run_scripts(
     bodies: dict[str, Body], steps: int, seed: int = 0, resets: tuple[int, ...] = ()
 ) -> dict[str, list[str]]:
-    """Run scripts under their names for some steps of 5 ms; what each has written down. ``seed`` varies the timing."""
+    """Run named scripts for ``steps`` steps of 5 ms; return the observations of each. ``seed`` varies the timing."""
     bus, chance, epoch = MemoryBus(), random.Random(seed), 0
     written: dict[str, list[str]] = {name: [] for name in bodies}
     with ExitStack() as stack:
@@ -64,7 +64,7 @@ def run_scripts(
                 time.sleep(chance.random() * 0.002)
             tick += 1
         deadline = time.monotonic() + WITHIN_S
-        while any(each.is_alive() for each in threads):  # those that have not ended go on with their steps
+        while any(each.is_alive() for each in threads):  # scripts that haven't ended continue to step
             assert time.monotonic() < deadline, f"scripts do not end: {written}"
             node.spin_once()
             barrier.update()
@@ -94,5 +94,5 @@ def _start(bus: MemoryBus, name: str, body: Body, written: list[str], delay: flo
 
 
 def number(value: float) -> bytes:
-    """A message with a number."""
+    """Return an encoded message with a number."""
     return encode(Float64(data=value))

@@ -1,4 +1,4 @@
-"""The budget of a control loop without waits within a tick of lockstep."""
+"""The budget within a lockstep tick of a control loop that never waits."""
 
 from __future__ import annotations
 

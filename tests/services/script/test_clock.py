@@ -1,4 +1,4 @@
-"""Time between two samples of the clock, and a script's own clock."""
+"""Interpolated time between two clock messages, and a script's own clock."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_reset_counts_once_whether_it_is_an_epoch_or_another_simulation(wall: 
 
 
 class Kernel:
-    """The kernel's part in a script's clock."""
+    """The part of a kernel that a script's clock uses."""
 
     def __init__(self) -> None:
         self.time, self.points, self.slept = 1500 * MS, 0.0, list[tuple[str, float]]()

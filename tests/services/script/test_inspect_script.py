@@ -1,4 +1,4 @@
-"""Facts about a script from its text, without executing it."""
+"""Static inspection of a script's source."""
 
 from __future__ import annotations
 

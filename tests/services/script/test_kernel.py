@@ -1,4 +1,4 @@
-"""The kernel of a script in real time, on a network in memory."""
+"""A script's kernel in real time, on an in-memory network."""
 
 import time
 
@@ -44,7 +44,7 @@ def test_two_scripts_exchange_messages_and_calls() -> None:
 
 
 def test_a_call_ends_with_the_answer_of_its_server() -> None:
-    """The network asks each process that may serve the name, and one of them may owe its word for ever."""
+    """The network queries each process that may serve the name, and one of them may never reply."""
     bus = MemoryBus()
     with memory_kernel(bus) as asking, memory_kernel(bus, install=False) as serving, MemoryTransport(bus) as silent:
         silent.serve("add")
@@ -63,7 +63,7 @@ def test_a_call_ends_with_the_answer_of_its_server() -> None:
 
 
 def test_a_reader_counts_once_the_way_to_it_is_known() -> None:
-    """Its token may come before: what was published then would be lost, as the goal of an action."""
+    """Its token may arrive before; a message published then, such as an action goal, would be lost."""
     bus, joined = MemoryBus(), list[str]()
     with memory_kernel(bus) as talker, MemoryTransport(bus) as reader:
         plain = talker.advertise("/plain", "std_msgs/String")

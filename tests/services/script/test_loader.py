@@ -1,4 +1,4 @@
-"""A script's own modules, the replacements of Python's that they import, and missing imports."""
+"""A script's own modules, our replacements for Python's modules, and missing imports."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MISSING = {
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder that is the script's, first on the path; its modules are forgotten afterwards."""
+    """The script's folder, first on the path; its modules are unloaded afterwards."""
     known, finders, main = set(sys.modules), list(sys.meta_path), sys.modules["__main__"]
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.setattr(sys, "argv", ["main.py"])

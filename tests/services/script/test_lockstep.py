@@ -1,4 +1,4 @@
-"""Scripts in lockstep: the same run whatever the timing, with subscriptions, calls and threads made on the way."""
+"""Scripts in lockstep: the same run whatever the timing, with subscriptions, calls and threads made at run time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ END = 400 * MS
 
 
 def talker(kernel: ScriptKernel, written: list[str]) -> None:
-    """Publishes what it hears and where it is, from a callback, a timer's thread and its own loop."""
+    """Publish received messages and its progress, from a callback, a timer's thread and its own loop."""
     out = kernel.advertise("/chatter", "std_msgs/Float64")
     latched = kernel.advertise("/latched", "std_msgs/Float64", latched=True)
     kernel.subscribe("/truth", "std_msgs/Float64", lambda payload, _: out.publish(payload))
@@ -38,7 +38,7 @@ def talker(kernel: ScriptKernel, written: list[str]) -> None:
 
 
 def hear(kernel: ScriptKernel, topic: str) -> str:
-    """Who publishes a topic, and up to two of its messages."""
+    """Return the publishers of a topic and up to two of its messages."""
     got: list[float] = []
     late = kernel.subscribe(topic, "std_msgs/Float64", lambda payload, _: got.append(read(payload).data))
     kernel.wait_until(lambda: len(got) > 1, 0.05)
@@ -48,7 +48,7 @@ def hear(kernel: ScriptKernel, topic: str) -> str:
 
 
 def listener(kernel: ScriptKernel, written: list[str]) -> None:
-    """Subscribes anew again and again, and serves."""
+    """Subscribe repeatedly, and provide a service."""
 
     def handle(payload: bytes) -> bytes:
         written.append(f"{kernel.now() // MS} asked {payload!r}")
@@ -70,7 +70,7 @@ def listener(kernel: ScriptKernel, written: list[str]) -> None:
 
 
 def caller(kernel: ScriptKernel, written: list[str]) -> None:
-    """Calls, burns its budget, and waits for what others declare."""
+    """Call a service, use up the budget, and wait for declarations of others."""
     kernel.wait_until(lambda: kernel.service_type("/double") is not None)
     for count in range(6):
         try:
@@ -101,7 +101,7 @@ def test_a_run_is_the_same_whatever_the_timing() -> None:
 
 @pytest.mark.slow
 def test_what_several_scripts_ask_of_the_simulation_in_one_step_has_an_order() -> None:
-    """The simulation serves the first requests of all, then the second ones, each time by the scripts' names."""
+    """The simulation serves all first requests, then all second ones, each time in the order of the scripts' names."""
 
     def asker(pauses: tuple[int, ...]) -> Body:
         def ask(kernel: ScriptKernel, written: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""The time of a script's own, by which it counts as ready."""
+"""The processor time by which a script counts as ready."""
 
 from __future__ import annotations
 

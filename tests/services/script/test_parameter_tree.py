@@ -1,4 +1,4 @@
-"""A script's copy of the parameter tree, against the service's own side of it."""
+"""A script's copy of the parameter tree, against the service's implementation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from services.script.parameter_tree import SharedParameters
 
 
 class Network:
-    """A parameter service, and the latched topic that its scripts follow when they are told to."""
+    """A parameter service and its latched topic, which scripts read on request."""
 
     def __init__(self) -> None:
         self.server: ParameterTreeServer | None = None
@@ -34,7 +34,7 @@ class Network:
 
 
 class ScriptKernel:
-    """The part of a kernel that the tree needs."""
+    """The part of a kernel that the tree uses."""
 
     def __init__(self, network: Network, lockstep: bool = False) -> None:
         self.lockstep, self.time = lockstep, 0
@@ -42,7 +42,7 @@ class ScriptKernel:
         self._receive: Callable[[bytes, Origin], None] | None = None
 
     def follow(self) -> None:
-        """What a tick does: the newest tree arrives."""
+        """Receive the newest tree, as at a tick."""
         if self._network.latched is not None and self._receive is not None:
             self._receive(self._network.latched, Origin("/params", True))
 
@@ -121,7 +121,7 @@ def test_two_scripts_share_one_tree() -> None:
 
 
 def test_own_changes_stay_on_a_tree_that_lacks_them() -> None:
-    """In lockstep the service makes a change at its next tick: trees published before it do not have it."""
+    """In lockstep the service applies a change at its next tick; trees published before don't have it."""
     network = Network()
     network.begin(x=0, y=0)
     assert network.server is not None

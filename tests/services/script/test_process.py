@@ -1,4 +1,4 @@
-"""Whole processes of scripts that run alone: their exits and their output."""
+"""Processes of scripts without a fleet: exit status and output."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ENDS = {
         ["main ended", "thread ended"],
     ),
 }
-"""By name: the script, its exit status, and what it prints, in this order."""
+"""By name: the script, its exit status, and its output in order."""
 
 INTERRUPTED = {
     "waits": HOOK + "k.wait_until(lambda: False)\nprint('after')\n",
@@ -52,9 +52,9 @@ INTERRUPTED = {
     + "k.subscribe('/own', 'std_msgs/Empty', lambda *_: [None for _ in iter(int, 1)])\n"
     + "k.advertise('/own', 'std_msgs/Empty').publish(b'\\x80')\nk.wait_until(lambda: False)\nprint('after')\n",
 }
-"""Scripts that end within a second or so when they are asked to, after their hooks."""
+"""Scripts that end within about a second on SIGINT, after their hooks."""
 SECONDS = 3.0
-"""Wall time for the end of all, on a machine that is busy."""
+"""Wall time for all of them to end on a busy machine."""
 
 
 def start(stack: ExitStack, folder: Path, name: str, source: str) -> Process:

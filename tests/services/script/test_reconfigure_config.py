@@ -1,4 +1,4 @@
-"""``.cfg`` files: the module that a build would write, as ROS's generator wrote it, and errors with file and line."""
+"""``.cfg`` files: the module that ROS's generator would write, and errors with file and line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A dynamic_reconfigure server's parameters as a set of Elea, against the parameter service's own side of it."""
+"""A dynamic_reconfigure server's parameters as a set of Elea, against the parameter service's implementation."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ exit(gen.generate("arm", "arm", "Arm"))
 
 
 class SetKernel:
-    """The part of a kernel that a set needs, with the parameter service behind it."""
+    """The part of a kernel that a set uses, with the parameter service behind it."""
 
     def __init__(self, service: ServerHarness | None) -> None:
         self.service, self.logged = service, ""
@@ -44,7 +44,7 @@ class SetKernel:
         self._seen = 0
 
     def deliver(self) -> None:
-        """What a tick does: the updates that were published arrive."""
+        """Receive the published updates, as at a tick."""
         assert self.service is not None
         published = self.service.published[self._seen :]
         self._seen += len(published)
@@ -84,7 +84,7 @@ class SetKernel:
 
 
 class Server:
-    """A server whose callback takes the gain back to 20 at most."""
+    """A server whose callback limits the gain to 20."""
 
     def __init__(self, folder: Path, service: ServerHarness | None, **launched: Any) -> None:
         cfg = folder / "Arm.cfg"

@@ -1,4 +1,4 @@
-"""Python 2 as loaded, points in loops, and the lines of errors."""
+"""Conversion of Python 2, scheduling points in loops, and line numbers of errors."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ CONVERTED = {
 
 
 def run(path: Path, capsys: pytest.CaptureFixture[str], inputs: str = "line") -> tuple[str, str, dict[str, Any]]:
-    """What the code of a file prints, what loading it says, and what it defines."""
+    """Run a file; return its output, the loader's messages, and its globals."""
     passes: list[int] = []
 
     def read_line(prompt: str = "") -> str:

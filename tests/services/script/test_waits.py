@@ -14,7 +14,7 @@ PATIENCE_S = 10.0
 
 
 def outcome(kernel: ScriptKernel, begin_s: int, then_s: int) -> bool:
-    """What a wait of 2 s says that begins at a time and meets another."""
+    """Return the result of a wait of 2 s that starts at one time and then sees another."""
     looked = threading.Event()
     ended: queue.Queue[bool] = queue.Queue()
 
@@ -50,7 +50,7 @@ def test_no_time_passes_before_the_first_clock() -> None:
         ended: queue.Queue[bool] = queue.Queue()
         kernel.spawn(lambda: ended.put(wait_for(at_the_second_look_after_a_clock, 2 * S)), "waits")
         assert first.wait(PATIENCE_S)
-        kernel.clock.set(57 * S)  # the first time that is known: the wait begins
+        kernel.clock.set(57 * S)  # the first known time: the wait starts
         assert ended.get(timeout=PATIENCE_S)
 
 

@@ -1,4 +1,4 @@
-"""Packages are found where they lie, by the names in their package.xml."""
+"""Packages are found by the names in their package.xml."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who commands with which priority: the kind of a node is what the token of this life of it says, while it is there."""
+"""Priorities of command sources: a node's kind is that in the token of its current session, while it exists."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who holds which emergency stop: several holders, restarts, damaged files, full disks, and forged ids."""
+"""Emergency stops and their holders: several holders, restarts, damaged files, full disks, and forged ids."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from services.sim.emergency_stops import ALL_ROBOTS, DAMAGED, FOREIGN, MAX_HOLDE
 
 
 class StopHarness:
-    """A record of stops as the simulation keeps it, and who says what."""
+    """The simulation's record of emergency stops, with messages from several nodes."""
 
     def __init__(self, path: Path | None = None, known: tuple[str, ...] = ("/panel", "/tool")) -> None:
         self.out, self.now = io.StringIO(), 0.0
@@ -30,7 +30,7 @@ class StopHarness:
         self.stops.save()
 
     def say(self, node: str, *said: bool, robot: str = "a", session: str = "s") -> bool:
-        """What a node says, in this life of it, of a robot or of all; whether a stop was asked for."""
+        """Process a node's messages in one session, for a robot or for all; return whether a stop was requested."""
         origin = SampleInfo(1, 0, 16, publisher_id(node, session, "e_stop")) if node else None
         topic = f"/{robot}/e_stop" if robot else "/e_stop"
         asked = self.stops.process(robot, topic, [(Bool(data=each), origin) for each in said])
@@ -99,7 +99,7 @@ def test_a_deleted_robot_takes_its_stops_with_it(tmp_path: Path) -> None:
 
 
 def test_a_robot_is_not_stopped_by_what_a_deleted_one_of_its_name_had_heard() -> None:
-    """A latched stop comes again while its holder does not know of the deletion."""
+    """A latched stop arrives again while its holder doesn't know of the deletion."""
     desk = StopHarness()
     for _ in range(3):
         desk.say("/panel", True)

@@ -1,4 +1,4 @@
-"""Gazebo's services and topics under their own names: their semantics, spawned models, and what is refused."""
+"""Gazebo's services and topics under their original names: semantics, spawned models, and rejected requests."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from tests.harness.waiting import wait_until
 from tests.services.sim.joints.joint_simulation import JointSimulation, robot_entry, run_joint_simulation
 
 NO_TURN = Quaternion(w=0.0)
-"""What a message of ROS 1 has whose orientation nobody has set."""
+"""The orientation of a ROS 1 message in which it wasn't set."""
 BOX = """<?xml version="1.0"?>
 <sdf version="1.6"><model name="box">{static}
   <link name="link"><pose>0 0 0.25 0 0 0</pose>
@@ -62,7 +62,7 @@ BOX = """<?xml version="1.0"?>
 
 
 def at(x: float, y: float, z: float = 0.0) -> Pose:
-    """A place, with the orientation that ROS 1 leaves."""
+    """Return a position with ROS 1's unset orientation."""
     return Pose(position=Point(x=x, y=y, z=z), orientation=NO_TURN)
 
 
@@ -73,7 +73,7 @@ def place(on: JointSimulation, model: str, **more: Any) -> tuple[float, float, f
 
 
 def test_models_are_seen_and_moved_in_the_axes_of_a_frame() -> None:
-    """The twist of a model is in the world's axes, and an orientation of zeros is none."""
+    """A model's twist is in the world's axes; an orientation of zeros means identity."""
     with run_joint_simulation(robot_entry("tb3", "burger"), robot_entry("other", "burger", x=2.0)) as on:
         west = Pose3.planar(1.0, 1.0, math.pi / 2).to_msg()
         command = gz.ModelState(model_name="tb3", pose=west, twist=Twist.planar(0.2, 0.0))
@@ -125,7 +125,7 @@ def test_the_topics_move_models_and_the_newest_command_counts() -> None:
 
 
 def test_an_arm_is_driven_as_by_its_controller() -> None:
-    """Efforts on a joint that is named without its model, its state, and joints that are put somewhere."""
+    """Efforts on a joint named without its model, joint states, and setting of joint positions."""
     with run_joint_simulation() as on:
         ends = Duration.of(100_000_000)
         effort = gz.ApplyJointEffort(joint_name="bear_link", effort=5.0, duration=ends)
@@ -158,7 +158,7 @@ def test_an_arm_is_driven_as_by_its_controller() -> None:
 
 
 def test_in_real_time_a_pushed_joint_is_seen_after_a_step() -> None:
-    """A control loop without a wait gets a new state in each round."""
+    """A control loop that never waits gets a new state in each iteration."""
     with run_joint_simulation() as on:
         asked = gz.GetJointProperties(joint_name="bear_link")
         on.run(0.1)
@@ -178,7 +178,7 @@ def test_in_real_time_a_pushed_joint_is_seen_after_a_step() -> None:
 
 
 def test_boxes_come_fall_are_pushed_and_go() -> None:
-    """SDF text: a free one falls and stands, a fixed one stays where it is said, and moves when it is told to."""
+    """Boxes from SDF text: a dynamic one falls and comes to rest, a static one stays and moves only on request."""
     with run_joint_simulation(robot_entry("tb3", "burger")) as on:
 
         def spawn(name: str, static: str = "", **more: Any) -> Any:
@@ -217,7 +217,7 @@ def test_boxes_come_fall_are_pushed_and_go() -> None:
 
 
 def test_robots_come_by_the_text_of_their_description() -> None:
-    """A name that is known means the robot that comes with Elea; the first that drives has Gazebo's topics."""
+    """A known robot name gives Elea's model; the first robot that drives gets Gazebo's topics."""
     with run_joint_simulation(robot_entry("arm", "arm", y=5.0)) as on:
         text = '<?xml version="1.0"?><robot name="turtlebot3_burger" xmlns:xacro="http://ros.org/wiki/xacro"/>'
         made = on.call(SPAWN_URDF_MODEL, gz.SpawnModel(model_name="tb3", model_xml=text))
@@ -260,7 +260,7 @@ def test_robots_come_by_the_text_of_their_description() -> None:
 
 
 def test_an_sdf_names_no_file_outside_the_folders(tmp_path: Path) -> None:
-    """What comes over the network reads meshes of the fleet's folders alone; what is not understood is logged."""
+    """Models from the network may read meshes only in the fleet's folders; unsupported elements are logged."""
     text = (
         '<sdf version="1.6"><model name="m"><static>1</static><link name="l"><wheel/><collision name="c"><geometry>'
         "<mesh><uri>file://{}</uri></mesh></geometry></collision></link></model></sdf>"

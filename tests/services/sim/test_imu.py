@@ -1,4 +1,4 @@
-"""Inertial units that are read together give what each gives alone, whoever comes, goes or is read in between."""
+"""IMUs read together give the same as each alone, whichever others are spawned, deleted or read in between."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.harness.memory_node import memory_node
 
 
 class Stand:
-    """A simulation whose inertial units are read."""
+    """A simulation and subscribers to its IMUs."""
 
     def __init__(self, simulation: Simulation, reader: Node) -> None:
         self.simulation, self._reader = simulation, reader
@@ -39,7 +39,7 @@ class Stand:
         self._reader.unregister(self._subscribers.pop(name))
 
     def run(self, steps: int) -> dict[str, list[Imu]]:
-        """What is read in that many steps."""
+        """Run ``steps`` steps; return the IMU messages by robot."""
         for _ in range(steps):
             self.simulation.publish()
             self.simulation.step()

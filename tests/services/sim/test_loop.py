@@ -1,4 +1,4 @@
-"""Requests that move time: between two ticks alone, and answered at once also while members are waited for."""
+"""Requests that control time: applied only between ticks, and answered at once even while waiting for members."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tests.harness.waiting import wait_until
 
 
 class LockstepHarness:
-    """A simulation's loop in a thread, in lockstep with one member that the test plays, due at each control tick."""
+    """A simulation's loop in a thread, in lockstep with one member played by the test, due at each control tick."""
 
     def __init__(self, bus: MemoryBus, node: Node, member: LockstepMember, world: World, latency: int) -> None:
         self.node, self.member = node, member
@@ -64,7 +64,7 @@ class LockstepHarness:
         self.member.send_join(greeting, {}, {})
 
     def next_grant(self) -> tuple[int, int]:
-        """Epoch and tick of the next step that the member is let take."""
+        """Wait for the next step grant to the member; return its epoch and tick."""
 
         def polled() -> StepGrant | None:
             grant = self.member.poll()
@@ -76,14 +76,14 @@ class LockstepHarness:
         return self.grants[-1]
 
     def finish(self) -> None:
-        """The member has taken its last step."""
+        """Report the member's last granted step as finished."""
         self.member.finish(self.grants[-1][1], {}, {})
 
     def ask(self, request: Request[Message, Message], message: Message | None = None) -> PendingReplies:
         return self._stranger.query_async(request.name[1:], encode(message or Empty()), 60.0)
 
     def begin_steps(self, count: int) -> PendingReplies:
-        """Ask for steps that wait for the member; another request for steps is refused meanwhile."""
+        """Request steps, which wait for the member; assert that another request is rejected meanwhile."""
         stepped = self.ask(STEP, Steps(count=count))
         assert refusal(self.ask(STEP, Steps(count=1))) == "a step is under way already"
         assert stepped.poll() is None
@@ -97,7 +97,7 @@ class LockstepHarness:
 
 
 def reply(pending: PendingReplies) -> SimTime:
-    """The answer, once it is there."""
+    """Wait for the reply and return it."""
     (found,) = wait_until(pending.poll, what="an answer") or ()
     assert found.ok, found.payload
     return decoder(SimTime)(found.payload)

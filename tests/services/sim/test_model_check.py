@@ -1,4 +1,4 @@
-"""Robots from outside, in the style of published ones, are understood and driven from their URDF alone."""
+"""Imported robots, in the style of published ones, are understood and driven from their URDF alone."""
 
 from __future__ import annotations
 
@@ -136,8 +136,9 @@ def test_wheels_without_a_tag_are_found_by_their_shapes(tmp_path: Path, check: C
 
 
 def wheeled(mount: str, *more: str) -> str:
-    """A robot on two wheels, as mirrored copies of one, and on two skids; ``mount`` is the kind of the joints that its
-    wheels hang on, and its root is 5 mm below their lowest points."""
+    """Return a robot on two wheels, mirrored copies of one, and two skids; ``mount`` is the type of the joints that
+    carry the wheels. Its root is 5 mm below the wheels' lowest points.
+    """
     base = link("base_link", INERTIAL_OF_BASE, shape("collision", '<box size="0.3 0.2 0.05"/>', "0 0 0.1"))
     parts = [base, *more]
     for side, y, turn in (("left", 0.15, "0"), ("right", -0.15, "3.14159265")):

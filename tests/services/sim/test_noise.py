@@ -1,4 +1,4 @@
-"""Noise: a reading that is repeated has the same, and each robot, sensor and reading its own."""
+"""Noise: a repeated reading has the same, and each robot, sensor and reading has its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Namespaces and frames of robots: the root namespace, frames without a prefix, and what no two robots may share."""
+"""Namespaces and frames of robots: the root namespace, frames without a prefix, and conflicts between robots."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ARM = f"""<robot name="arm"><link name="world"/><link name="post">{_BAR}</link><
 
 
 def newest(world: JointSimulation, topic: Topic[Any], name: str, act: Any) -> Any:
-    """The last message on the absolute ``name`` while ``act`` runs."""
+    """Return the last message on the absolute topic ``name`` after running ``act``."""
     heard: Subscriber[Any] = world.subscribe(topic, name)
     act()
     heard.update()

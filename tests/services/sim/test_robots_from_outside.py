@@ -1,4 +1,4 @@
-"""Robots from outside in a simulation: spawned by request, refused with a reason, while the others go on."""
+"""Imported robots in a simulation: spawned by request or rejected with a reason, while the simulation continues."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ ARMED = robot(
     joint("shoulder", "revolute", "base_link", "arm", '<origin xyz="0 0 0.2"/><axis xyz="0 1 0"/>', LIMIT),
     name="armed",
 )
-"""A box on the ground with a rod on a joint; its root is in the middle of the box."""
+"""A box on the ground with a rod on a joint; the root link is at the centre of the box."""
 
 
 @contextmanager
 def simulation(folder: Path) -> Iterator[JointSimulation]:
-    """A simulation with one arm, whose requests may take robots from ``folder``."""
+    """Run a simulation with one arm, whose requests may spawn robots from ``folder``."""
     with run_joint_simulation(folders=(str(folder),)) as made:
         yield made
 
@@ -117,7 +117,7 @@ def test_bad_robots_are_refused_and_the_simulation_goes_on(tmp_path: Path) -> No
 
 
 def test_a_root_whose_mass_is_elsewhere_is_where_it_is_put(tmp_path: Path) -> None:
-    """The engine knows the root by its centre of mass; everybody else knows the frame of its link."""
+    """The engine places the root by its centre of mass, all other code by its link frame."""
     moved = ARMED.replace("<inertial>", '<inertial><origin xyz="0.1 0.05 0.02" rpy="0.3 0 0.5"/>', 1)
     path = write(tmp_path / "r.urdf", moved.replace('ixy="0"', 'ixy="0.002"', 1))
     model = resolve_robot(str(path), tmp_path).model

@@ -20,7 +20,7 @@ AWKWARD = (0.0, -0.0, math.inf, -math.inf, math.nan, 5e-324, 1e12, -1e308)
 
 
 def _pose(stamp: Time, numbers: Sequence[float]) -> Odometry:
-    w, x, y, z = numbers  # on the wire in another order than given
+    w, x, y, z = numbers  # in another order on the wire
     record = Odometry(header=Header(stamp=stamp, frame_id="odom"), child_frame_id="base")
     pose = Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(w=w))
     return msgspec.structs.replace(record, pose=msgspec.structs.replace(record.pose, pose=pose))

@@ -1,8 +1,8 @@
-"""The age of samples through steps and drift of clocks, forged stamps, freezes and bursts, on simulated time.
+"""The age of samples despite clock steps and drift, forged stamps, freezes and bursts, on simulated time.
 
-A history says when a publisher sends, by which clock it stamps, and when its samples arrive, in order. Two things must
-hold in each: what was under way for longer than the time-out is never taken for fresh, and what comes in time is
-refused for at most one time-out after an event.
+A history defines when a publisher sends, the clock that stamps, and when its samples arrive, in order. Two conditions
+must hold in each: a sample in transit for longer than the time-out is never accepted as fresh, and timely samples are
+rejected for at most one time-out after an event.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from services.sim.transit_delay import MAX_SENDERS, TransitDelayEstimator
 
 TIMEOUT = 0.25
 TICK = 0.02
-"""The simulation looks at what has come so often, s."""
+"""Interval [s] at which the simulation reads samples."""
 NEAR = 0.05
-"""Delays that differ by less are one to it, s."""
+"""Delays that differ by less [s] count as equal."""
 HOUR = 3600.0
 EPOCH = 1.7e9
-"""Where the wall clock stands, s."""
+"""Time of the wall clock at start [s]."""
 
 Kind = Literal["step", "both", "local", "link", "sender", "silence", "forged"]
 
 
 @dataclass(frozen=True)
 class Event:
-    """What happens at ``at`` [s]: a clock is set by ``size`` [s] (the sender's, both, or the simulation's), what is
-    sent waits for ``size`` on the link, or in the sender, nothing is sent for so long, or one stamp is off by it.
+    """An event at ``at`` [s] of ``size`` [s]: a clock is stepped (the sender's, both, or the simulation's), samples
+    wait on the link or in the sender, nothing is sent, or one stamp is forged.
     """
 
     at: float
@@ -45,7 +45,7 @@ class Event:
 
 @dataclass
 class History:
-    """``offset`` is the sender's clock less the simulation's [s], ``drift`` what it gains [s/s]."""
+    """A sender's history; ``offset`` is its clock minus the simulation's [s], ``drift`` its rate error [s/s]."""
 
     seconds: float
     rate: float = 25.0
@@ -56,11 +56,11 @@ class History:
     chance: random.Random = field(default_factory=lambda: random.Random(1))
 
     def of(self, *kinds: Kind) -> tuple[Event, ...]:
-        """The events of some kinds."""
+        """Return the events of these kinds."""
         return tuple(each for each in self.events if each.kind in kinds)
 
     def samples(self) -> Iterator[tuple[float, float, float, bool]]:
-        """When each was sent, when it arrives, its stamp, and whether that is forged."""
+        """Yield each sample's sending time, arrival time and stamp [s], and whether the stamp is forged."""
         arrived, forged = 0.0, {each.at: each for each in self.of("forged")}
         pauses, steps, delays = self.of("silence", "sender"), self.of("step", "both"), self.of("link", "sender")
         number, count = -1, ceil(self.seconds * self.rate)
@@ -72,7 +72,8 @@ class History:
             stamp = EPOCH + sent + self.offset + self.drift * sent + set_by(steps, sent)
             arrival = sent + self.chance.uniform(*self.latency)
             for each in delays:
-                # A frozen sender's last half second waits in its buffers, all that is sent meanwhile on a stuck link.
+                # A frozen sender delays its last half second, in its buffers; a stuck link delays all that is sent
+                # meanwhile.
                 begin = each.at if each.kind == "link" else each.at - 0.5
                 if begin <= sent < each.at + each.size:
                     arrival = max(arrival, each.at + each.size)
@@ -85,12 +86,12 @@ class History:
 
 
 def set_by(steps: tuple[Event, ...], at: float) -> float:
-    """By how much clocks have been set until ``at``, s."""
+    """Return the sum [s] of the clock steps up to ``at`` [s]."""
     return sum(each.size for each in steps if each.at <= at)
 
 
 class Receiver:
-    """The ages of one history's samples, by clocks that are the test's."""
+    """Estimates the ages of a history's samples, on the test's clocks."""
 
     def __init__(self, history: History) -> None:
         self.history, self.now, self.number = history, 0.0, 0
@@ -106,8 +107,8 @@ class Receiver:
 
 
 def judge(history: History, allowed: int | None = None) -> int:
-    """How many samples were refused that had come in time; fails when one was obeyed that was old, or when a sender
-    was locked out for too long. ``allowed`` is the most that may be refused.
+    """Return how many timely samples were rejected. Fail if an old sample was accepted, if a sender was locked out for
+    too long, or if more than ``allowed`` were rejected.
     """
     receiver, refused = Receiver(history), 0
     taken = before = 0.0
@@ -120,7 +121,7 @@ def judge(history: History, allowed: int | None = None) -> int:
         if late > TIMEOUT + NEAR + TICK:
             assert age > TIMEOUT, f"at {arrived} s a sample of {sent} s was taken for {age} s old"
         if sent - before > 1.5 / history.rate or late > 0.1:
-            taken = arrived  # the flow was interrupted: what it costs counts from here
+            taken = arrived  # the flow was interrupted: the lock-out counts from here
         before = sent
         if age <= TIMEOUT:
             taken = arrived
@@ -132,12 +133,12 @@ def judge(history: History, allowed: int | None = None) -> int:
 
 
 def one(kind: Kind, size: float, rate: float = 25.0, **more: float) -> History:
-    """Ten seconds, an event after four of them."""
+    """Return a history of 10 s with an event at 4 s."""
     return History(10.0, rate, (Event(4.0, kind, size),), **more)
 
 
 PROVED = 5
-"""Samples at 25 Hz within which a new baseline is proved."""
+"""Number of samples at 25 Hz that confirm a new baseline."""
 TABLE: dict[str, tuple[Callable[[], History], int]] = {
     "all is well": (lambda: History(60.0), 0),
     "the sender's clock is set back by 2 s": (lambda: one("step", -2.0), PROVED),
@@ -196,7 +197,7 @@ def test_histories() -> None:
 
 @pytest.mark.slow
 def test_drift_of_a_day() -> None:
-    """100 ppm are 8.64 s in a day; two minutes of each half hour are driven."""
+    """100 ppm make 8.64 s in a day; the sender is active for two minutes of each half hour."""
     for drift in (1e-4, -1e-4):
         pauses = tuple(Event(n * HOUR / 2 + 120.0, "silence", HOUR / 2 - 120.0) for n in range(48))
         judge(History(24 * HOUR, 25.0, pauses, drift=drift), 48 * PROVED)
@@ -214,7 +215,7 @@ KINDS = st.sampled_from(("step", "both", "local", "link", "sender", "silence", "
 
 @st.composite
 def histories(draw: st.DrawFn) -> History:
-    """Events apart by two seconds of flow, as none can tell a freeze from a step of its size in the same moment."""
+    """Draw a history with two seconds between events: a freeze can't be told from a simultaneous step of its size."""
     at, events = 2.5, []
     rate = draw(st.sampled_from((1.0, 4.0, 5.0, 7.0, 10.0, 25.0, 50.0)))
     for kind in draw(st.lists(KINDS, max_size=8)):

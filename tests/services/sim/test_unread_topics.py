@@ -1,4 +1,4 @@
-"""Messages without a subscriber are not created; a new subscriber gets every sample from then on."""
+"""Messages without a subscriber aren't created; a new subscriber gets every sample from then on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_a_reader_gets_every_sample_from_when_it_began_and_before_that_none_is_m
         frames = Subscriber(TF, "/tf", "tf", world.node.transport)
         world.run(1.0)
         world.publish_state()
-        # An inertial unit measures from one look to the next: the first one gives nothing.
+        # An IMU measures between two readings: the first gives nothing.
         for topic, count in ((JOINT_STATES, 26), (IMU, 100), (SCAN, 6), (ODOM, 51)):
             stamps = [each.header.stamp.ns for each in world.received(topic)]
             assert len(stamps) == count, topic.name

@@ -1,4 +1,4 @@
-"""The published markers of a world's appearance."""
+"""The markers that the simulation publishes for a world's appearance."""
 
 import math
 from pathlib import Path
@@ -83,7 +83,7 @@ def test_bodies_of_every_shape_are_drawn_by_few_markers() -> None:
     assert (table_marker.pose.position.x, len(table_marker.colors)) == (5.0, len(table_marker.points))
     assert (cart.scale.x, cart.scale.z) == (0.4, 1.0)
     assert (statue.mesh_resource, statue.scale.z) == ("file:///tmp/a%20b.stl", 0.3)
-    assert len(unnamed.points) == 3 * 12  # too large to be sent: the box around it
+    assert len(unnamed.points) == 3 * 12  # too large for a message: its bounding box
     assert ground.pose.position.x + ground.scale.x / 2 >= 41  # the whole path
     assert len(encode(array)) < WORLD_MARKERS.largest
 

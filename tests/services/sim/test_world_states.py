@@ -1,4 +1,4 @@
-"""The world's movable and moving bodies on the network: where they are, and requests about them."""
+"""The world's movable and moving bodies on the network: their states, and requests for them."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""An ideal base for tests: speed and turn rate ramp, each by itself, no slip, physics in steps of 5 ms."""
+"""An ideal base for tests: independent ramps of speed and turn rate, no slip, physics steps of 5 ms."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ PHYSICS_S = 0.005
 CONTROL_S = 0.02
 ORIGIN = Pose2(0.0, 0.0)
 LINEAR, ANGULAR = 0.3, 1.745329
-"""The Pioneer's limits in the tutorial, m/s2 and rad/s2."""
+"""The Pioneer's acceleration limits in the tutorial [m/s2, rad/s2]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedStep:
-    """What was true at ``time`` [s], and what the pilot made of it."""
+    """The true state at ``time`` [s], and the controller's output."""
 
     time: float
     pose: Pose2
@@ -29,13 +29,13 @@ class SimulatedStep:
 
 
 class IdealBase:
-    """Pose and speeds; a command takes effect as far as the limits let it. ``top`` is the fastest it goes, m/s."""
+    """A base with pose and speeds that follows commands within its limits; ``top`` is its maximum speed [m/s]."""
 
     def __init__(self, start: Pose2 = ORIGIN, top: float = math.inf) -> None:
         self.pose, self.velocity, self.top = start, ZERO_TWIST, top
 
     def ramp(self, command: Twist2) -> Twist2:
-        """The motion of one physics step."""
+        """Return the velocity after one physics step."""
         rise, spin = LINEAR * PHYSICS_S, ANGULAR * PHYSICS_S
         v = max(-self.top, min(self.top, command.v))
         self.velocity = Twist2(
@@ -45,7 +45,7 @@ class IdealBase:
         return self.velocity
 
     def run(self, command: Twist2) -> None:
-        """One control period under a command."""
+        """Run one control period under a command."""
         for _ in range(round(CONTROL_S / PHYSICS_S)):
             moving = self.ramp(command)
             middle = self.pose.yaw + moving.w * PHYSICS_S / 2
@@ -57,7 +57,7 @@ class IdealBase:
 
 
 def drive(p: SquareParameters, base: IdealBase, seconds: float = 400.0) -> Iterator[SimulatedStep]:
-    """Pilot and base together until the square is finished or the time is over; the base keeps the last command."""
+    """Run controller and base until the square is finished or time is up; the base keeps the last command."""
     pilot, command = SquareController(p), ZERO_TWIST
     for tick in range(round(seconds / CONTROL_S)):
         now = round(tick * CONTROL_S * 1e9)

@@ -1,4 +1,4 @@
-"""A square under way takes other parameters: its speed changes at once, the square itself stays."""
+"""Parameter changes during a square: the speed changes at once, the square stays the same."""
 
 from __future__ import annotations
 

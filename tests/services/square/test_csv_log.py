@@ -1,4 +1,4 @@
-"""The log: the tutorial's columns first, rows on disk at once, its own file or none."""
+"""The CSV log: the tutorial's columns first, rows on disk at once, and a file of its own or none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The square service's loop, on the bus: it waits, latches, drives, logs, stops, and begins anew after a reset."""
+"""The square service's loop on the bus: it waits, latches, drives, logs, stops, and restarts after a reset."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ START = Pose2(0.5, -0.25, 0.0)
 
 
 class SquareLoopHarness:
-    """A robot on the bench: each turn sends odometry, truth and clock, and obeys the command that comes back."""
+    """A simulated robot: each turn publishes odometry, ground truth and clock, and obeys the resulting command."""
 
     def __init__(self, bench: ServiceHarness) -> None:
         self.bench, self.base, self.time, self.epoch = bench, IdealBase(START), 0.0, 0

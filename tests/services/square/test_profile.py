@@ -1,4 +1,4 @@
-"""The default law on an ideal base: it ends where it began, keeps its limits, waits for slow and held bases."""
+"""The default law on an ideal base: it ends at its start, keeps its limits, and waits for slow or blocked bases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ START = Pose2(0.7, -0.4, 2.9)
 
 
 def closure(start: Pose2, end: Pose2) -> tuple[float, float]:
-    """Metres and radians between two poses."""
+    """Return the distance [m] and angle [rad] between two poses."""
     return math.hypot(end.x - start.x, end.y - start.y), abs(wrap(end.yaw - start.yaw))
 
 

@@ -1,4 +1,4 @@
-"""The tutorial's law does what the tutorial's own loop does, and misses by what is computed."""
+"""The tutorial's law behaves as the tutorial's own loop, with the computed error."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from tests.services.square.ideal_base import ANGULAR, IdealBase, drive
 
 
 def original(phase: float) -> tuple[list[float], Pose2]:
-    """The tutorial's script against odometry at 10 Hz, ``phase`` [s] before it; degrees at each turn done, and the end.
+    """Run the tutorial's script on odometry at 10 Hz, offset by ``phase`` [s]; return the yaw [deg] after each turn,
+    and the end pose.
 
-    Written from the script, apart from the service: its variables, its order of things, its thresholds.
+    Written from the script, independently of the service, with its variables, order and thresholds.
     """
     x = y = yaw = start_x = start_y = target = 0.0
     state, sides, turned = "MOVE_FORWARD", 0, []
@@ -57,7 +58,7 @@ def test_it_does_what_the_original_does(phase: float) -> None:
 
 
 def test_it_misses_by_what_was_computed_for_it() -> None:
-    """Semantics of the tutorial: 90.3, 184.8, 279.4, 373.9 degrees where each turn is declared done, ends 17 off."""
+    """As computed for the tutorial: turns count as done at 90.3, 184.8, 279.4, 373.9 degrees; the end is 17 off."""
     run = list(drive(SquareParameters(law="tutorial"), IdealBase()))
     turned = [math.degrees(each.pose.yaw) for each in run if each.move.state == "reached"]
     assert turned == pytest.approx([90.3, 184.8, 279.4, 373.9], abs=2.0)

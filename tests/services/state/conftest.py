@@ -1,4 +1,4 @@
-"""Two burgers in a simulation, the links of one told by the service ``state``, and a robot from elsewhere."""
+"""Two burgers in a simulation, one with its links published by the service ``state``, and an imported robot."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tests.harness.waiting import wait_until
 from tests.services.state.sample_urdfs import GRIPPER
 
 PLACES = {"a": 0.0, "b": 1.0}
-"""y of each burger, m; x is 0."""
+"""y of each burger [m]; x is 0."""
 
 
 class TfHarness:
-    """The network, a node that looks on, and the frames as it sees them."""
+    """The network, an observing node, and its transform listener."""
 
     def __init__(self, network: Network, node: Node, sim: Process, state: Process, gripper: Process) -> None:
         self.network, self.node = network, node
@@ -34,17 +34,17 @@ class TfHarness:
         wait_until(lambda: self.poll().can("gripper/base", "gripper/nail"), 40.0, "the frames of the gripper")
 
     def poll(self) -> TransformListener:
-        """The frames with what has come until now."""
+        """Return the transform listener, updated with all messages so far."""
         self.node.update_subscribers()
         self.frames.refresh()
         return self.frames
 
     def run_command(self, *arguments: str, within: float = 60.0) -> subprocess.CompletedProcess[str]:
-        """A verb on this network, run to its end."""
+        """Run a command on this network to its end."""
         return run_verb(*arguments, "--connect", self.network.endpoint, within=within)
 
     def run_together(self, *commands: tuple[str, ...]) -> list[subprocess.CompletedProcess[str]]:
-        """Verbs beside each other, each run to its end: what most of them do is to listen."""
+        """Run commands in parallel to their ends, as most of them mainly listen."""
         with ThreadPoolExecutor(len(commands)) as pool:
             return list(pool.map(lambda words: self.run_command(*words), commands))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def robot_urdf(*joints: str, links: str = "") -> str:
-    """A URDF of these joints; the links are those that they name."""
+    """Return a URDF of these joints and the links that they name."""
     import re
 
     names = dict.fromkeys([*re.findall(r'link="([^"]+)"', "".join(joints)), *links.split()])
@@ -13,7 +13,7 @@ def robot_urdf(*joints: str, links: str = "") -> str:
 
 
 def joint_urdf(name: str, kind: str, parent: str, child: str, inside: str = "") -> str:
-    """A joint with whatever stands inside it."""
+    """Return a joint element with ``inside`` as its further content."""
     return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
 
 
@@ -34,4 +34,4 @@ GRIPPER = robot_urdf(
     joint_urdf("tip", "revolute", "left_finger", "nail", f'{LIMIT}<mimic joint="left" multiplier="10"/>'),
     joint_urdf("camera", "fixed", "hand", "/eye"),
 )
-"""An arm with two fingers: one follows the other, and its nail follows that."""
+"""An arm with two fingers, one of which mimics the other; a nail mimics that one."""

@@ -1,4 +1,4 @@
-"""A URDF from anywhere is read, or refused with what is wrong and where."""
+"""Foreign URDFs are read, or rejected with the mistake and its place."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_a_robot_within_an_element_urdf_is_read_as_joint_state_publisher_does() 
 
 
 def test_what_ros_takes_is_taken_and_what_does_nothing_is_told() -> None:
-    """Each stands in files of others: urdfdom reads them, and robot_state_publisher tells the frames."""
+    """Each occurs in published files: urdfdom reads them, and robot_state_publisher publishes their frames."""
     fixed = joint_urdf("j", "fixed", "a", "b")
     described = parse_urdf(
         robot_urdf(fixed, joint_urdf("k", "fixed", "b", "c", '<mimic joint="j" multiplier="1" offset="0"/>'))

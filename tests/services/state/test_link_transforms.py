@@ -23,7 +23,7 @@ def links(ignore: bool = False) -> LinkTransforms:
 
 
 def told(of: LinkTransforms, states: JointState, now: int | None = None) -> dict[str, float]:
-    """The moving children, each with the largest part of where it is."""
+    """Return the moving child frames, each with the largest component of its transform."""
     transforms = of.moving_transforms(states, states.header.stamp.ns if now is None else now).transforms
     return {
         each.child_frame_id: max(

@@ -1,4 +1,4 @@
-"""The service against a real robot, a URDF from elsewhere, bad input, a reset, and lockstep."""
+"""The service process with a simulated robot, a foreign URDF, bad input, a reset, and lockstep."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_bad_messages_are_refused_and_counted_and_the_service_goes_on(scene: TfH
         describe.publish(String(data=robot_urdf(joint_urdf("j", "continuous", "base", "arm"))))
         wait_until(lambda: "test with 0 fixed joints and 1 that move" in process.text, 20.0, "the robot")
 
-        # Our own record refuses this as it is made; a foreign sender may well send it.
+        # Our own record rejects this on creation; a foreign sender may send it.
         foreign = scene.node.transport.advertise("odd/joint_states", encoding(JointState.ROS_TYPE), Quality.SENSOR)
         foreign.put(encode({"name": ["j", "k"], "position": [1.0]}), attachment=b"")
         move.publish(JointState(name=("j",)))
@@ -131,7 +131,7 @@ WRONG = {
     ('robots=["x", "/x"]',): "a name is given twice",
     ('robots=["x y"]',): "is not a name",
 }
-"""What is told of parameters that cannot be."""
+"""The error message for each invalid combination of parameters."""
 
 
 def test_what_cannot_be_is_refused_at_the_start(scene: TfHarness) -> None:

@@ -1,4 +1,4 @@
-"""``tf tree`` and ``tf echo`` on a simulation that runs."""
+"""``tf tree`` and ``tf echo`` on a running simulation."""
 
 from __future__ import annotations
 

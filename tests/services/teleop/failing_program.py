@@ -1,4 +1,4 @@
-"""Takes over the terminal, then fails: ``python -m tests.services.teleop.failing_program raise``, or ``thread``."""
+"""Reads the terminal, then fails: ``python -m tests.services.teleop.failing_program raise``, or ``thread``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keyboards as they are: events of a key that is held, with a delay, an interval and some jitter."""
+"""Simulated key repeat: events of a held key, with a delay, an interval and some jitter."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from services.teleop.hold_detector import HoldDetector, pressed
 
 FIRST_TIMEOUT_S = 0.6
-"""The time-out of a first event before anything is learned, s."""
+"""Time-out [s] of a first event before the keyboard's delay is learned."""
 
 
 def key_repeat(
     start: float, seconds: float, delay: float, interval: float, jitter: float = 0.0, seed: int = 0
 ) -> list[float]:
-    """The times of the events; each comes late by up to ``jitter``, as part of the interval."""
+    """Return the times [s] of the events; each repeat is late by up to ``jitter`` times the interval."""
     chance = random.Random(seed)
     times, due = [start], start + delay
     while due <= start + seconds:
@@ -24,7 +24,7 @@ def key_repeat(
 
 
 def timeouts(man: HoldDetector, times: Sequence[float], key: str = "i") -> tuple[HoldDetector, list[float]]:
-    """The switch after these events, and the times within the hold at which it had let go."""
+    """Return the detector after these events, and the times within the hold at which it had released."""
     let_go = []
     for index, at in enumerate(times):
         if index and not man.is_held(at):

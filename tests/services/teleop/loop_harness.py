@@ -1,4 +1,4 @@
-"""A rig for the loops: teleop in a thread on the transport in memory; the test plays keyboard, base and simulation."""
+"""Runs teleop's loops in a thread on the in-memory transport; the test plays keyboard, base and simulation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Loop = Callable[[Context[TeleopParameters]], None]
 
 
 class FakeKeyboard:
-    """A keyboard under the test's hand."""
+    """A keyboard operated by the test."""
 
     def __init__(self) -> None:
         self._struck: deque[str] = deque()
@@ -53,7 +53,7 @@ class FakeKeyboard:
 
 
 class FakeDisplay:
-    """A screen that keeps the last view."""
+    """A display that keeps the last view."""
 
     def __init__(self) -> None:
         self.view: View | None = None
@@ -66,7 +66,7 @@ class FakeDisplay:
 
 
 class LoopHarness:
-    """A base in ``/p3dx``, and the clock."""
+    """A base in ``/p3dx`` and the clock, played by the test."""
 
     def __init__(self, bus: MemoryBus, stamped: bool) -> None:
         identity = Identity.of("sim")
@@ -88,33 +88,33 @@ class LoopHarness:
         self._node.__exit__()
 
     def publish_clock(self, seconds: float, epoch: int = 0, paused: bool = False) -> None:
-        """Simulation time is ``seconds``."""
+        """Publish the simulation time ``seconds``."""
         self._clock.publish(Clock(clock=Time.of(round(seconds * 1e9)), epoch=epoch, paused=paused))
 
     def tick(self, seconds: float, epoch: int = 0) -> None:
-        """Simulation time is ``seconds``, and a loop that follows ticks has seen it."""
+        """Publish the simulation time ``seconds`` and wait until the loop has run the tick."""
         assert self.driver is not None
         before = self.driver.heartbeat.ticks
         self.publish_clock(seconds, epoch)
         wait_until(lambda: self.ended or self.driver.heartbeat.ticks > before, 20.0, f"the tick at {seconds} s")  # type: ignore[union-attr]
 
     def publish_status(self, status: BaseStatus) -> None:
-        """The base tells of itself."""
+        """Publish the base's status."""
         self._status.publish(status)
 
     def received_commands(self) -> list[Any]:
-        """The commands since the last call."""
+        """Return the commands received since the last call."""
         self._commands.update()
         return [message for message, _ in self._commands.messages]
 
     def wait_for_command(self, wanted: Twist, what: str = "") -> None:
-        """Until this command arrives."""
+        """Wait until this command arrives."""
         wait_until(lambda: wanted in self.received_commands(), 20.0, what or str(wanted))
 
 
 @contextmanager
 def run_loop(loop: Loop, params: TeleopParameters, stamped: bool = False) -> Iterator[LoopHarness]:
-    """Run a loop beside the test, on a network where the base is there already; at the end it is asked to stop."""
+    """Run a loop in a thread, on a network that already has the base; stop it at the end and raise its EleaError."""
     bus = MemoryBus()
     failures: list[EleaError] = []
     with LoopHarness(bus, stamped) as rig, MemoryTransport(bus) as transport:

@@ -1,4 +1,4 @@
-"""A person at a terminal: a program in a pseudo-terminal of its own, keys typed as a keyboard sends them."""
+"""A user at a terminal: a program in a pseudo-terminal of its own, with keys typed as a keyboard sends them."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from tests.harness.fork_server import ForkedProcess
 from tests.harness.waiting import wait_until
 
 END_S = 20.0
-"""Wall time that a program has to end."""
+"""Wall time limit for a program to end."""
 
-# The shell is the first of a new session: the terminal that it opens becomes that session's.
+# The shell leads a new session: the terminal that it opens becomes that session's controlling terminal.
 _ATTACH_TERMINAL = 'exec "$@" <>"$0" >&0 2>&0'
 
 
 class KeyEvents(NamedTuple):
-    """When the events of a key were written, s of ``time.monotonic``; ``late`` is the worst lag behind the plan."""
+    """Times [s, ``time.monotonic``] at which a key's events were written; ``late`` [s] is the largest delay to plan."""
 
     times: tuple[float, ...]
     late: float
 
 
 class PseudoTerminal:
-    """Runs a program of the project's Python in a terminal; ``with`` ends it."""
+    """Runs a program under the project's Python in a terminal; ``with`` ends it."""
 
     def __init__(self, arguments: Sequence[str], env: dict[str, str] | None = None) -> None:
         self._master, self._slave = pty.openpty()
@@ -59,7 +59,7 @@ class PseudoTerminal:
 
     @property
     def text(self) -> str:
-        """All that it has shown."""
+        """The program's output so far."""
         return self._said.decode(errors="replace")
 
     @property
@@ -69,27 +69,27 @@ class PseudoTerminal:
 
     @property
     def attributes(self) -> list[Any]:
-        """What the terminal is set to."""
+        """The terminal's attributes."""
         return termios.tcgetattr(self._slave)
 
     @property
     def in_raw_mode(self) -> bool:
-        """Whether a program reads it key by key."""
+        """Whether the terminal is in raw (non-canonical) mode."""
         return not self.attributes[3] & termios.ICANON
 
     def wait_ready(self) -> None:
-        """Until the program reads keys; fails when it ends instead."""
+        """Wait until the program reads keys; fail if it ends instead."""
         wait_until(lambda: self.in_raw_mode or self._child.poll() is not None, END_S, "a program that reads keys")
         assert self._child.poll() is None, self.text
 
     def type(self, keys: str) -> float:
-        """Write to it; the instant before, s of ``time.monotonic``."""
+        """Type keys; return the time before [s, ``time.monotonic``]."""
         now = time.monotonic()
         os.write(self._master, keys.encode())
         return now
 
     def hold(self, key: str, seconds: float, delay: float = 0.5, interval: float = 0.03) -> KeyEvents:
-        """Hold a key down for a time: its first event, the next after ``delay``, then one each ``interval``."""
+        """Hold a key for ``seconds``: its first event, the next after ``delay`` [s], then one each ``interval`` [s]."""
         start, due, late = time.monotonic(), 0.0, 0.0
         times: list[float] = []
         while due <= seconds:
@@ -100,21 +100,21 @@ class PseudoTerminal:
         return KeyEvents(tuple(times), late)
 
     def send_signal(self, number: signal.Signals) -> float:
-        """Send the program a signal; the instant before, s of ``time.monotonic``."""
+        """Send the program a signal; return the time before [s, ``time.monotonic``]."""
         now = time.monotonic()
         self._child.send_signal(number)
         return now
 
     def close(self) -> None:
-        """Close the window."""
+        """Close the terminal, as when its window is closed."""
         self.open = False
-        # A terminal that somebody reads is not closed.
+        # A terminal isn't closed while a thread reads it.
         self._reader.join()
         os.close(self._slave)
         os.close(self._master)
 
     def wait(self) -> int:
-        """The exit status of the program, once it has ended."""
+        """Wait for the program's end and return its exit status."""
         return self._child.wait(END_S)
 
     def _read(self) -> None:
@@ -126,7 +126,7 @@ class PseudoTerminal:
 def _start(arguments: Sequence[str], terminal: str, environment: dict[str, str]) -> subprocess.Popen[Any]:
     if arguments[0] == "-m" and is_forkable(arguments[1]):
         return ForkedProcess(arguments[1], arguments[2:], Path.cwd(), environment, subprocess.DEVNULL, True, terminal)
-    # The shell becomes the program, so that it is the child that has to die with the test.
+    # The shell becomes the program by exec, so that the program is the child that dies with the test.
     command = ["sh", "-c", _ATTACH_TERMINAL, terminal, sys.executable, "-P", *arguments]
     return subprocess.Popen(
         command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True
@@ -134,7 +134,7 @@ def _start(arguments: Sequence[str], terminal: str, environment: dict[str, str])
 
 
 def hold_without_lag(act: Callable[[], KeyEvents], tries: int = 10) -> KeyEvents:
-    """A hold without a lag of the test's own; a busy machine is asked again."""
+    """Repeat a hold, up to ``tries`` times, until the test's own delay is below 0.03 s."""
     for _ in range(tries):
         strokes = act()
         if strokes.late < 0.03:

@@ -1,4 +1,4 @@
-"""A robot to teleoperate, in real processes: a router, a simulation in real time, and what is seen of the robot."""
+"""A robot to teleoperate, in real processes: a router, a simulation in real time, and a recorder of the robot."""
 
 from __future__ import annotations
 
@@ -33,34 +33,34 @@ class SimulatedRobot:
         self.recorder.poll()
 
     def wait(self, seconds: float) -> None:
-        """Look until so much simulation time has passed."""
+        """Record until ``seconds`` of simulation time have passed."""
         self.poll()
         end = self.recorder.samples[-1].time + seconds * 1e9
         wait_until(lambda: self.poll() or self.recorder.samples[-1].time >= end, WITHIN_S, f"{seconds} s of simulation")
 
     def wait_standing(self) -> None:
-        """Until the robot stands."""
+        """Wait until the robot stands still."""
         wait_until(lambda: self.poll() or abs(self.recorder.speed) < STANDSTILL_SPEED, WITHIN_S, "a robot that stands")
 
     def status(self) -> BaseStatus:
-        """The state of the base, told after this call."""
+        """Wait for the base's next status and return it."""
         self.poll()
         known = len(self.recorder.statuses)
         wait_until(lambda: self.poll() or len(self.recorder.statuses) > known, WITHIN_S, "the state of the base")
         return self.recorder.base
 
     def commands_between(self, since: float, to: float) -> list[CommandSample]:
-        """The commands sent between two instants, s of ``time.monotonic``."""
+        """Return the commands sent between two times [s, ``time.monotonic``]."""
         self.poll()
         return [each for each in self.recorder.command_samples if wall_ns(since) <= each.sent <= wall_ns(to)]
 
     def samples_between(self, since: float, to: float) -> list[TruthSample]:
-        """The robot between two instants, s of ``time.monotonic``."""
+        """Return the ground truth between two times [s, ``time.monotonic``]."""
         self.poll()
         return [each for each in self.recorder.samples if wall_ns(since) <= each.sent <= wall_ns(to)]
 
     def first_zero_after(self, instant: float) -> CommandSample:
-        """The first zero that was sent after an instant."""
+        """Wait for the first zero command sent after a time [s, ``time.monotonic``] and return it."""
 
         def found() -> list[CommandSample]:
             self.poll()
@@ -70,13 +70,13 @@ class SimulatedRobot:
 
 
 def wall_ns(instant: float) -> int:
-    """An instant of ``time.monotonic`` [s] on the machine's clock, ns."""
+    """Convert a time of ``time.monotonic`` [s] to the machine's clock [ns]."""
     return round((instant + time.time() - time.monotonic()) * 1e9)
 
 
 @contextmanager
 def simulated_robot(logs: Path) -> Iterator[SimulatedRobot]:
-    """A robot that stands, in real time."""
+    """Run a robot at rest, in real time."""
     with Network(logs) as network:
         sim = network.start("sim", "--param", f'robots=[{{"name": "{ROBOT}", "model": "burger"}}]')
         with network.node() as node:
@@ -85,7 +85,7 @@ def simulated_robot(logs: Path) -> Iterator[SimulatedRobot]:
 
 @contextmanager
 def teleop_terminal(drive: SimulatedRobot, *options: str) -> Iterator[PseudoTerminal]:
-    """``elea teleop`` in a terminal of its own, ready for keys; the robot stands, and no command is on its way."""
+    """Run ``elea teleop`` in a terminal; yield it once it is ready, the robot stands and no command is under way."""
     arguments = ["-m", "deploy", "teleop", f"/{ROBOT}", "--connect", drive.network.endpoint, *options]
     with PseudoTerminal(arguments) as seat:
         seat.wait_ready()
@@ -95,9 +95,9 @@ def teleop_terminal(drive: SimulatedRobot, *options: str) -> Iterator[PseudoTerm
 
 
 def moved_smoothly(drive: SimulatedRobot, strokes: KeyEvents) -> bool:
-    """Whether the robot, once at speed, kept it until the last event, and no zero was sent once it drove.
+    """Whether the robot kept its speed, once reached, until the last event, without a zero command on the way.
 
-    A zero of the hold before may be sent just after the first event is typed.
+    A zero of the previous hold may still be sent just after the first event is typed.
     """
     first, last = strokes.times[0], strokes.times[-1]
     speeds = [each.speed for each in drive.samples_between(first, last)]

@@ -1,4 +1,4 @@
-"""The fleet with the wheel figures that are wrong: it says so, and the report shows what they do."""
+"""The fleet with wrong wheel geometry: it warns, and the report shows the effect."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from deploy.fleet_file import find_fleet, parse_fleet
 from tests.harness.command_line import CommandLine
 
 SPEED, AHEAD_S = 0.5, 4.1
-"""The first of the script's keys: m/s, and s with the dead-man's time-out."""
+"""The script's first key: speed [m/s], and duration [s] including the dead-man time-out."""
 
 
 def test_wrong_wheel_figures_are_warned_of_and_their_damage_is_measured(tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_wrong_wheel_figures_are_warned_of_and_their_damage_is_measured(tmp_path
     assert ended.status == 0, ended.err
     report = json.loads(ended.out)
     robot = report["robots"]["p3dx"]
-    # It commands twice 0.5 m/s, for 4.1 s and 3.1 s; both ramps are alike. The base drives at 0.65 of it.
+    # It commands 0.5 m/s twice, for 4.1 s and 3.1 s, with equal ramps. The base drives at 0.65 of that.
     commanded = SPEED * (AHEAD_S + 3.1)
     assert robot["path_length_m"] == pytest.approx(0.65 * commanded, rel=0.03)
     assert robot["odometry_error_max_m"] > 0.5

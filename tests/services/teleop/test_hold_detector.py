@@ -1,4 +1,4 @@
-"""The dead-man's switch over timed events: taps, holds on every sort of keyboard, releases, two keys."""
+"""The dead-man switch on timed events: taps, holds on various keyboards, releases, two keys."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_events_read_at_once_after_a_stall_are_not_taken_for_repeats() -> None:
 
 
 def test_a_stall_does_not_spoil_what_was_learned() -> None:
-    """The first event is read 0.15 s late, so the delay seems shorter than it is."""
+    """The first event is read 0.15 s late, so the delay appears too short."""
     man, _ = timeouts(FRESH, key_repeat(0.0, 2.0, 0.5, 0.03))
     late = key_repeat(10.0, 2.0, 0.5, 0.03)
     man, let_go = timeouts(man, [10.15, *late[1:]])
@@ -113,7 +113,7 @@ def test_a_stall_does_not_spoil_what_was_learned() -> None:
 
 
 def test_a_late_repeat_is_not_taken_for_the_delay() -> None:
-    """The second repeat comes 0.085 s late; the gap before it is not the keyboard's delay."""
+    """The second repeat is 0.085 s late; the gap before it isn't the keyboard's delay."""
     man, _ = timeouts(FRESH, key_repeat(0.0, 2.0, 0.5, 0.03))
     whole = key_repeat(10.0, 2.0, 0.5, 0.03)
     man, let_go = timeouts(reset(man), [*whole[:2], whole[1] + 0.115, *(each for each in whole if each > 10.64)])
@@ -123,7 +123,7 @@ def test_a_late_repeat_is_not_taken_for_the_delay() -> None:
 
 
 def test_a_repeat_that_is_read_late_is_a_repeat_all_the_same() -> None:
-    """The reader was held up for 0.15 s; the key was let go meanwhile, after one more repeat."""
+    """The reader was held up for 0.15 s; meanwhile the key was released after one more repeat."""
     man, _ = timeouts(FRESH, key_repeat(0.0, 1.0, 0.5, 0.03))
     late = man.last_time + 0.16
     assert pressed(man, "i", late, stall=0.15).held_until == pytest.approx(late + 0.1)
@@ -146,7 +146,7 @@ def test_the_fixed_time_out_is_that_of_teleop_twist_keyboard() -> None:
 def test_any_keyboard_is_smooth_while_held_and_soon_over(
     delay: float, interval: float, jitter: float, seconds: float, seed: int
 ) -> None:
-    assume(delay + jitter * interval < FIRST_TIMEOUT_S)  # the second event comes that late
+    assume(delay + jitter * interval < FIRST_TIMEOUT_S)  # the second event is at most this late
     times = key_repeat(0.0, seconds, delay, interval, jitter, seed)
     man, let_go = timeouts(FRESH, times)
     assert let_go == []

@@ -1,4 +1,4 @@
-"""What keys mean: directions, scaling, stops, two keys; against the table of teleop_twist_keyboard, written out."""
+"""The meaning of keys: directions, scaling, stops, two keys, compared with the table of teleop_twist_keyboard."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ P = TeleopParameters(speed=0.4, turn=0.8)
 
 
 def typed(keys: str, p: TeleopParameters = P, pause: float = 0.2) -> tuple[KeyState, float]:
-    """The hand after taps, and the time of the last one, s."""
+    """Return the key state after taps, and the time of the last one [s]."""
     hand, now = KeyState.initial(p), 0.0
     for key in keys:
         now += pause

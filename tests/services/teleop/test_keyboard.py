@@ -1,4 +1,4 @@
-"""The terminal as a source of keys, in this process, at the end of a pseudo-terminal."""
+"""The terminal as a source of keys, in this process, on a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.harness.waiting import wait_until
 
 @pytest.fixture
 def pseudo_terminal() -> Iterator[tuple[int, int]]:
-    """Where the person types, and where the program reads."""
+    """The user's and the program's ends of a pseudo-terminal."""
     master, slave = pty.openpty()
     yield master, slave
     for each in (master, slave):
@@ -33,7 +33,7 @@ def test_keys_come_one_by_one_without_echo_and_what_was_typed_before_is_dropped(
 ) -> None:
     master, slave = pseudo_terminal
     os.write(master, b"iii")
-    # Its echo tells that the terminal has it.
+    # The echo shows that the terminal has received it.
     assert b"".join(os.read(master, 1) for _ in range(3)) == b"iii"
     with Terminal(slave) as keyboard:
         assert keyboard.read_events(0.0) == []

@@ -1,4 +1,4 @@
-"""Both loops on the bus: scripts tick by tick, and a hand through pauses, resets and silence."""
+"""Both loops on the bus: scripts tick by tick, and keys through pauses, resets and silence."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HAND = TeleopParameters(key_timeout=5.0, give_way=0.5)
 
 
 def play(rig: LoopHarness, seconds: float, epoch: int = 0) -> list[TwistStamped]:
-    """Let time go on from 0 tick by tick; the commands, whose stamps tell their ticks."""
+    """Advance time from 0 tick by tick; return the commands, stamped with their ticks."""
     heard: list[TwistStamped] = []
     for number in range(round(seconds / TICK)):
         if rig.ended:
@@ -38,7 +38,7 @@ def play(rig: LoopHarness, seconds: float, epoch: int = 0) -> list[TwistStamped]
 
 
 def split(heard: list[TwistStamped]) -> tuple[list[float], list[float]]:
-    """When it was told to move, and when to stop, s."""
+    """Return the times [s] of the commands to move and of those to stop."""
     moving = [each.header.stamp.ns / 1e9 for each in heard if each.twist == AHEAD]
     still = [each.header.stamp.ns / 1e9 for each in heard if each.twist == STOP]
     assert len(moving) + len(still) == len(heard)
@@ -83,7 +83,7 @@ def test_a_base_that_takes_another_type_is_told() -> None:
 
 @contextmanager
 def sitting(params: TeleopParameters = HAND) -> Iterator[tuple[LoopHarness, FakeKeyboard, FakeDisplay]]:
-    """A person at the keys."""
+    """Run the loop with a fake keyboard and display."""
     keys, glass = FakeKeyboard(), FakeDisplay()
 
     def loop(ctx: Context[TeleopParameters]) -> None:
@@ -100,7 +100,7 @@ def sitting(params: TeleopParameters = HAND) -> Iterator[tuple[LoopHarness, Fake
 
 
 def sends(glass: FakeDisplay) -> object:
-    """What the screen says is sent."""
+    """Return the command that the display shows as sent."""
     assert glass.view is not None
     return glass.view.sent
 
@@ -151,7 +151,7 @@ def test_a_reset_of_time_silences_it_and_the_held_key_drives_on() -> None:
 
 
 def test_a_loop_that_is_held_up_does_not_take_a_held_key_for_released() -> None:
-    """Each key is followed by a stall longer than the time-out, in which the next one is struck."""
+    """Each key is followed by a stall longer than the time-out, during which the next one is pressed."""
 
     class Slow(FakeKeyboard):
         def read_events(self, within: float) -> list[KeyEvent]:

@@ -1,4 +1,4 @@
-"""Which bases there are, and which one is meant."""
+"""Discovery of bases, and the choice of one by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Key scripts: what a keyboard would send."""
+"""Key scripts: the events that a keyboard would send."""
 
 from __future__ import annotations
 

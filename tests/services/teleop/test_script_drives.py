@@ -1,4 +1,4 @@
-"""Scripts that drive real robots in lockstep: the way to a stop, who wins over whom, and that it repeats."""
+"""Scripts that drive simulated robots in lockstep: stopping distance, priorities, and repeatability."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from tests.harness.robot_recorder import STANDSTILL_SPEED
 from tests.system.lockstep_recorder import NODE, LockstepRecorder
 
 APART = 3.0
-"""m between two robots that drive side by side."""
+"""Distance [m] between robots that drive side by side."""
 
 
 class Driven(NamedTuple):
-    """What a robot did: its ground truth, and the states of its base, oldest first."""
+    """A robot's ground truth and base statuses, oldest first."""
 
     samples: list[Odometry]
     states: list[BaseStatus]
 
     @property
     def speeds(self) -> dict[float, float]:
-        """Speed ahead [m/s] by time [s]."""
+        """The forward speed [m/s] by time [s]."""
         return {round(time_of(each), 3): speed(each) for each in self.samples}
 
 
 class Drive(NamedTuple):
-    """A robot of a model, and its drivers: services with parameters; ``base`` are parameters of the robot's own."""
+    """A robot's model and its drivers, services with parameters; ``base`` are the base's parameters."""
 
     model: str
     drivers: dict[str, dict[str, object]]
@@ -44,7 +44,7 @@ class Drive(NamedTuple):
 
 
 def driven(logs: Path, seconds: float, drives: dict[str, Drive]) -> dict[str, Driven]:
-    """What robots do until ``seconds`` of simulation time, side by side and in lockstep with all their drivers."""
+    """Run robots side by side, in lockstep with all their drivers, and return their records up to ``seconds``."""
     drivers = [(name, kind, each.drivers[kind]) for name, each in drives.items() for kind in each.drivers]
     settings = {
         "robots": [
@@ -64,7 +64,7 @@ def driven(logs: Path, seconds: float, drives: dict[str, Drive]) -> dict[str, Dr
 
 
 def at(samples: list[Odometry], seconds: float) -> Odometry:
-    """The sample of an instant."""
+    """Return the sample at a time [s]."""
     return next(each for each in samples if time_of(each) == pytest.approx(seconds))
 
 
@@ -75,7 +75,7 @@ def wheels(model: str) -> WheelConfig:
 
 
 class Stop(NamedTuple):
-    """A key that is held until a robot drives ahead at ``v`` [m/s]; times [s] of its last repeat and of its end."""
+    """A key held until a robot drives at ``v`` [m/s], with the times [s] of its last repeat and of the stop command."""
 
     model: str
     v: float
@@ -86,7 +86,7 @@ class Stop(NamedTuple):
 
     @property
     def before(self) -> float:
-        """The last sample of ground truth before the last repeat."""
+        """Time of the last ground truth sample before the last repeat."""
         return 0.04 * math.ceil((1.5 + self.braking) / 0.04)
 
     @property
@@ -113,7 +113,7 @@ STAMPED: dict[str, object] = {"stamped": True, "frame_id": "stamped/base_link"}
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Driven]:
-    """Robots that a script alone drives."""
+    """Robots driven only by a script."""
     drives = {name: Drive(stop.model, {"teleop": stop.script}) for name, stop in STOPS.items()}
     drives["held"] = Drive("burger", {"teleop": {"keys": "i@0.5-3", "speed": 0.2}})
     script = {"keys": "i@0.5-2", "speed": 0.2, **STAMPED}
@@ -123,9 +123,9 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Driven]:
 
 
 def test_a_released_key_stops_the_robot_on_the_way_that_theory_says(alone: dict[str, Driven]) -> None:
-    """The dead-man's time-out at speed, then v / a of braking: s = v t + v^2 / 2a, within 5 %.
+    """The dead-man time-out at full speed, then braking for v / a: s = v t + v^2 / 2a, within 5 %.
 
-    The last repeat comes 0.01 s after a sample of ground truth, and zero goes out at the first tick after its time-out.
+    The last repeat is 0.01 s after a ground truth sample; zero is published at the first tick after its time-out.
     """
     for name, stop in STOPS.items():
         with case(stop.model, stop.v):
@@ -142,7 +142,7 @@ def test_a_released_key_stops_the_robot_on_the_way_that_theory_says(alone: dict[
 
 
 def test_a_held_key_shows_no_stutter_in_the_robot(alone: dict[str, Driven]) -> None:
-    """The first repeat comes after twice the base's time-out."""
+    """The first repeat arrives after twice the base's time-out."""
     speeds = alone["held"].speeds
     assert max(speeds) > 3.0
     assert all(abs(v - 0.2) < 0.01 for now, v in speeds.items() if 0.8 < now < 3.0)
@@ -167,7 +167,7 @@ CROSSED = {
 
 @pytest.fixture(scope="module")
 def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Driven:
-    """A robot that a script drives back on its way."""
+    """A robot that a script drives back while a controller drives it."""
     return driven(tmp_path_factory.mktemp("interrupted"), 8.0, CROSSED)["r"]
 
 

@@ -1,4 +1,4 @@
-"""A person at a real terminal, a real robot: taps, holds, releases, two keys, and every way to leave."""
+"""Teleop in a real terminal with a simulated robot: taps, holds, releases, two keys, and every way to quit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.services.teleop.simulated_robot import (
 )
 
 LET_GO_S = 0.4
-"""Wall time within which a released key is told on a busy machine; without learning the keyboard it would be 0.6."""
+"""Wall time [s] to detect a released key on a busy machine; without learning the keyboard's delay it would be 0.6."""
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimulatedRobot]:
 
 
 def assert_stopped_soon(drive: SimulatedRobot, strokes: KeyEvents) -> None:
-    """Zero was sent soon after the last event, and the robot came to stand."""
+    """Assert that zero was sent soon after the last event and the robot stopped."""
     stop = drive.first_zero_after(strokes.times[-1])
     late = len(drive.commands_between(strokes.times[-1], strokes.times[-1] + LET_GO_S))
     assert stop in drive.commands_between(strokes.times[-1], strokes.times[-1] + LET_GO_S), (
@@ -65,7 +65,7 @@ def test_a_tap_drives_for_the_first_time_out_and_zero_is_held_and_then_nothing_i
 
 
 def test_a_held_key_drives_smoothly_from_its_first_event_and_a_released_one_stops(drive: SimulatedRobot) -> None:
-    """The first repeat comes after 0.5 s: twice the base's time-out."""
+    """The first repeat arrives after 0.5 s, twice the base's time-out."""
     with teleop_terminal(drive) as seat:
         strokes = hold_without_lag(lambda: held(drive, seat, "i"))
         assert moved_smoothly(drive, strokes)
@@ -100,9 +100,9 @@ def test_a_speed_key_changes_what_is_sent(drive: SimulatedRobot) -> None:
 def held(
     drive: SimulatedRobot, seat: PseudoTerminal, *keys: str, seconds: float = 1.5, delay: float = 0.5
 ) -> KeyEvents:
-    """From standstill, one key held after the other.
+    """Hold one key after the other, starting at standstill.
 
-    Late is also a hold in which the base heard nobody in time, or simulation time fell behind.
+    A hold also counts as late if a command timed out at the base or simulation time fell behind.
     """
     drive.wait_standing()
     before = drive.status().commands_timed_out

@@ -1,4 +1,4 @@
-"""The loop of turtlesim on the network in memory; the test plays drivers and simulation time."""
+"""Turtlesim's loop on an in-memory network; the test plays drivers and simulation time."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ RESULT = Topic("turtle1/rotate_absolute/result", RotateAbsoluteActionResult, 0, 
 
 
 class Stand:
-    """The service, and the time up to which it ran."""
+    """The service and its simulation time."""
 
     def __init__(self, service: ServiceHarness) -> None:
         self.service, self.ticks = service, -1
@@ -133,7 +133,7 @@ def test_viewers_get_the_background_and_every_trail() -> None:
 
 
 def shown_markers(messages: list[MarkerArray]) -> dict[tuple[str, int], Marker]:
-    """What a viewer shows after these messages."""
+    """Return the markers that a viewer shows after these messages."""
     shown: dict[tuple[str, int], Marker] = {}
     for each in (marker for message in messages for marker in message.markers):
         if each.action == Marker.DELETEALL:
@@ -180,7 +180,7 @@ def test_the_background_is_in_the_tree_of_ros_1s_parameters() -> None:
 
 
 def test_in_lockstep_scripts_are_answered_within_a_tick() -> None:
-    """Requests come on topics, which lockstep orders; so do the answers and the names of what there is."""
+    """Requests, replies and the list of services are topics, which lockstep orders."""
     bus = MemoryBus()
     with MemoryTransport(bus) as there, MemoryTransport(bus) as here:
         node = Node(there, Identity.of("turtlesim"), "turtlesim", Log("/turtlesim", out=io.StringIO()))

@@ -1,4 +1,4 @@
-"""The turtles without a network: motion, walls, names, pens and what is drawn."""
+"""The turtles without a network: motion, walls, names, pens and trails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An ideal base for tests: two wheels that ramp at a limited acceleration, no slip, physics in steps of 5 ms."""
+"""An ideal base for tests: two wheels with limited acceleration, no slip, physics steps of 5 ms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WHEEL_ACCELERATION = 1.0
 
 @dataclass(frozen=True, slots=True)
 class SimulatedStep:
-    """What was true at ``time`` [s], and what the pilot made of it."""
+    """The true state at ``time`` [s], and the controller's output."""
 
     time: float
     pose: Pose2
@@ -27,7 +27,7 @@ class SimulatedStep:
 
 
 class IdealBase:
-    """Pose and wheel speeds; a command takes effect as far as the wheels can accelerate."""
+    """A base with pose and wheel speeds that follows commands within the wheels' acceleration."""
 
     def __init__(self, start: Pose2) -> None:
         self.pose, self.left, self.right = start, 0.0, 0.0
@@ -37,7 +37,7 @@ class IdealBase:
         return Twist2((self.left + self.right) / 2, (self.right - self.left) / SEPARATION)
 
     def run(self, command: Twist2) -> None:
-        """One control period under a command."""
+        """Run one control period under a command."""
         change = WHEEL_ACCELERATION * PHYSICS_S
         for _ in range(round(CONTROL_S / PHYSICS_S)):
             left, right = command.v - command.w * SEPARATION / 2, command.v + command.w * SEPARATION / 2
@@ -53,7 +53,7 @@ class IdealBase:
 
 
 def drive(pilot: WaypointController, start: Pose2, seconds: float) -> Iterator[SimulatedStep]:
-    """Run pilot and base together, each command one control period late, until finished or out of time."""
+    """Run controller and base, each command one control period late, until finished or out of time."""
     base, late = IdealBase(start), ZERO_TWIST
     for tick in range(round(seconds / CONTROL_S)):
         progress = pilot.step(base.pose, base.velocity, CONTROL_S)

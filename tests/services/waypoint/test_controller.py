@@ -1,4 +1,4 @@
-"""Pilot and ideal base together: laps, limits, stops, new goals, lost odometry."""
+"""Controller and ideal base together: laps, limits, stops, new goals, lost odometry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The two laws, number by number."""
+"""Numeric tests of both control laws."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.waypoint.controller import tutorial_command
 
 
 def quadrants(x: float, y: float, yaw: float, goal_x: float, goal_y: float) -> float:
-    """The original's heading error: eight cases of atan, yaw in [0, 2 pi), one wrap."""
+    """Return the original's heading error [rad]: eight cases of atan, yaw in [0, 2 pi), one wrap."""
     dx, dy = goal_x - x, goal_y - y
     yaw = yaw + 2 * math.pi if yaw < 0 else yaw
     if dx == 0:

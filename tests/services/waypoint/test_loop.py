@@ -1,4 +1,4 @@
-"""The waypoint service's loop, on the bus: commands, plan, status, new goals, silence and resets."""
+"""The waypoint service's loop on the bus: commands, plan, status, new goals, lost odometry and resets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.services.waypoint.ideal_base import CONTROL_S, IdealBase
 
 
 class WaypointLoopHarness:
-    """A robot on the bench: each turn sends odometry and clock, and obeys the command that comes back."""
+    """A simulated robot: each turn publishes odometry and clock, and obeys the resulting command."""
 
     def __init__(self, bench: ServiceHarness) -> None:
         self.bench, self.base, self.time = bench, IdealBase(Pose2(0, 0)), 0.0

@@ -1,4 +1,4 @@
-"""Does its work in the given time [s], then ends with status 0."""
+"""Runs for the given time [s], then exits with status 0."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Beats for a while, then crashes."""
+"""Publishes heartbeats for a while, then crashes."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Publishes heartbeats, reports that its node ends, and crashes later; when asked to end, exits well at once."""
+"""Publishes heartbeats, reports that its node is stopping, and crashes later; on SIGINT it exits normally at once."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Beats for a minute, then ends; ends at once when asked."""
+"""Publishes heartbeats for a minute, then ends; ends at once on SIGINT."""
 
 import signal
 import sys

@@ -1,4 +1,4 @@
-"""Beats once, then its loop hangs."""
+"""Publishes one heartbeat, then its loop hangs."""
 
 import threading
 

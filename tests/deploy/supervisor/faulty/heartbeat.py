@@ -1,4 +1,4 @@
-"""A heartbeat for the faulty children: a line in the file ``beats`` of the run's folder, their working directory."""
+"""Heartbeats of the faulty children: lines in the file ``beats`` of the run's folder, their working directory."""
 
 import json
 import os
@@ -9,17 +9,17 @@ from services.runtime.process import die_with_parent
 
 
 def node() -> str:
-    """The name that the fleet gave this child."""
+    """Return the name of this child's node in the fleet."""
     return sys.argv[1]
 
 
 def start() -> None:
-    """Die with the supervisor, as services do."""
+    """Make this process die with the supervisor, as services do."""
     die_with_parent()
 
 
 def send_heartbeat(state: str = "running") -> None:
-    """One heartbeat; appends of a line are whole."""
+    """Write one heartbeat; appending a line is atomic."""
     line = json.dumps({"node": node(), "pid": os.getpid(), "state": state}) + "\n"
     descriptor = os.open("beats", os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     os.write(descriptor, line.encode())
@@ -27,7 +27,7 @@ def send_heartbeat(state: str = "running") -> None:
 
 
 def send_heartbeats(seconds: float) -> None:
-    """Heartbeats at the usual rate."""
+    """Write heartbeats at the usual rate for ``seconds``."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         send_heartbeat()

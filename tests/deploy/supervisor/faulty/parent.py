@@ -1,4 +1,4 @@
-"""Starts a child of its own that ignores signals, and writes its number to ``grandchild``."""
+"""Starts a child of its own that ignores signals, and writes the child's process id to ``grandchild``."""
 
 import signal
 import subprocess

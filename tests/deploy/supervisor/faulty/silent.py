@@ -1,4 +1,4 @@
-"""Never beats."""
+"""Never publishes a heartbeat."""
 
 import threading
 

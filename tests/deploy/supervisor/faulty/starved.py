@@ -1,6 +1,7 @@
-"""Beats; once there is a file ``starve``, busy children take its processor, and it works for each beat.
+"""Publishes heartbeats; once the file ``starve`` exists, it competes for one processor with busy children.
 
-The file ``hogs`` names the children. The process comes last on the processor: of that it gets a thousandth.
+It then computes for WORK_S before each heartbeat, scheduled as SCHED_IDLE: it gets a thousandth of the processor. The
+file ``hogs`` has the process ids of the children.
 """
 
 import os
@@ -14,7 +15,7 @@ from tests.deploy.supervisor.faulty.heartbeat import send_heartbeat, send_heartb
 
 HOGS = 4
 WORK_S = 0.02
-"""Processor time of a beat."""
+"""Processor time spent before each heartbeat."""
 signal.signal(signal.SIGINT, lambda number, frame: sys.exit(0))
 start()
 while not Path("starve").exists():

@@ -1,4 +1,4 @@
-"""Writes a lot to its output, then beats."""
+"""Writes a lot to its output, then publishes heartbeats."""
 
 import sys
 

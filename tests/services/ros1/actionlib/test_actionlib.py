@@ -1,4 +1,4 @@
-"""actionlib: goals, feedback, results and cancellation between a client and a server, over a network in memory."""
+"""actionlib: goals, feedback, results and cancellation between a client and a server, over an in-memory network."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from tests.harness.ros1 import ros1_imports
 
 PATIENCE_S = 10.0
-"""Wall time after which a test gives up; all waits end with an event."""
+"""Wall time limit of each wait; all waits end with an event."""
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def ros() -> Iterator[SimpleNamespace]:
 
 
 def until(ros: SimpleNamespace, ready: Callable[[], Any]) -> None:
-    """Wait until something holds, which a thread of the kernel brings about."""
+    """Wait until a condition holds that a thread of the kernel brings about."""
     assert ros.kernel.wait_until(lambda: bool(ready()), PATIENCE_S), "it never held"
 
 
@@ -263,7 +263,7 @@ def test_the_topics_are_those_of_ros(ros: SimpleNamespace) -> None:
     until(ros, lambda: results)
     assert results[0].status.goal_id.id.startswith("/actions-")
     assert (results[0].status.status, results[0].result.sequence) == (ros.Status.SUCCEEDED, (8,))
-    cancel.publish(GoalID(id="later", stamp=ros.rospy.Time(0)))  # a cancellation may come before its goal
+    cancel.publish(GoalID(id="later", stamp=ros.rospy.Time(0)))  # a cancellation may arrive before its goal
     until(ros, lambda: any(each.goal_id.id == "later" for each in statuses[-1].status_list))
     goal.publish(FibonacciActionGoal(goal_id=GoalID(id="later", stamp=ros.rospy.Time.now()), goal=ros.Goal(2)))
     until(ros, lambda: len(results) == 2)

@@ -1,4 +1,4 @@
-"""dynamic_reconfigure's server and client, as ROS's own behave, on a kernel in memory."""
+"""dynamic_reconfigure's server and client behave as ROS's own, on an in-memory kernel."""
 
 from __future__ import annotations
 

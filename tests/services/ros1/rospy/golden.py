@@ -1,4 +1,4 @@
-"""Lines of expressions and their values, as real rospy prints them."""
+"""Checks expressions against the values that real rospy prints."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 def check(expected: str, names: Mapping[str, Any]) -> None:
     """Evaluate the expression left of ``->`` (a value) or ``!!`` (an exception) of each line; all must be as stated.
 
-    A line that is indented by four more goes on with the one before.
+    A line that is indented by four more spaces continues the one before.
     """
     joined = expected.strip("\n ").replace("\n" + " " * 12, " ")
     lines = [line.removeprefix(" " * 8) for line in joined.splitlines()]

@@ -1,4 +1,4 @@
-"""The module rosbag: ROS 1's bags written and read, Elea's read."""
+"""The module rosbag: writes and reads ROS 1 bags, reads Elea's bags."""
 
 from collections.abc import Iterator
 from hashlib import md5

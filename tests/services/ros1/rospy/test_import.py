@@ -1,4 +1,4 @@
-"""What a script pays for ``import rospy``."""
+"""The cost of ``import rospy`` for a script."""
 
 import os
 import subprocess

@@ -116,7 +116,7 @@ def test_packages_and_types(rospy: Any, tmp_path: Path, monkeypatch: pytest.Monk
     assert resource_retriever.get(url).startswith(b"<package><name>my_robot")
     with pytest.raises(rospkg.ResourceNotFound, match="my_robt; did you mean 'my_robot'"):
         pack.get_path("my_robt")
-    assert (Path(pack.get_path("dynamic_reconfigure")) / "server.py").is_file()  # one that Elea brings
+    assert (Path(pack.get_path("dynamic_reconfigure")) / "server.py").is_file()  # part of Elea
     assert roslib.message.get_message_class("std_msgs/String").__name__ == "String"
     assert rosmsg.get_srv_text("std_srvs/SetBool") == "bool data\n---\nbool success\nstring message\n"
     assert rosmsg.get_msg_text("geometry_msgs/Point") == "float64 x\nfloat64 y\nfloat64 z\n"

@@ -1,4 +1,4 @@
-"""A node's start, names, parameters and log, as real rospy has them."""
+"""A node's start, names, parameters and log are those of real rospy."""
 
 import logging
 import re
@@ -20,7 +20,7 @@ _ARGUMENTS += ["_flag:=true", "plain_arg", "--opt", "3"]
 
 @pytest.fixture
 def rospy(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[Any]:
-    """rospy, imported by a script with a command line."""
+    """rospy, as imported by a script with command line arguments."""
     monkeypatch.setattr(sys, "argv", getattr(request, "param", _ARGUMENTS))
     with ros1_imports():
         import rospy

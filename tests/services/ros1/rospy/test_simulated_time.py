@@ -1,4 +1,4 @@
-"""Sleeping on simulated time, with a clock of 20 ms that goes on while something sleeps."""
+"""Sleeping on simulated time, with a clock of 20 ms steps that advances during sleeps."""
 
 import logging
 import sys
@@ -16,12 +16,12 @@ _CLOCK_NS = 20_000_000
 
 
 class _Clock:
-    """Simulation time, which a sleep lets run in steps of 20 ms."""
+    """Simulation time that advances in steps of 20 ms while a script sleeps."""
 
     def __init__(self, kernel: ScriptKernel) -> None:
         self._kernel = kernel
         self.resets: dict[int, int] = {}
-        """Times at which time is set back, and to which."""
+        """Times at which time is set back, each with the new time [ns]."""
 
     def run_until(self, time_ns: int) -> None:
         kernel = self._kernel

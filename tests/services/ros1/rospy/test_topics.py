@@ -1,4 +1,4 @@
-"""Publishers, subscribers and services, as real rospy has them."""
+"""Publishers, subscribers and services behave as in real rospy."""
 
 import logging
 import sys

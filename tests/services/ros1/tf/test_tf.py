@@ -1,4 +1,4 @@
-"""tf and tf2_ros: what scripts call, over a network in memory; texts and figures are those of ROS 1's own."""
+"""tf and tf2_ros as scripts call them, over an in-memory network, with texts and values of ROS 1's own libraries."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def libraries(kernel: ScriptKernel) -> SimpleNamespace:
 
 
 def robot(ros: SimpleNamespace) -> Any:
-    """A laser on a base that moves from x = 1 m to 2 m in two seconds, and turns by 0.4 rad."""
+    """Return a transformer with a laser on a base that moves from x = 1 m to 2 m in two seconds, turning by 0.4 rad."""
     transformer = ros.tf.TransformerROS(True, ros.rospy.Duration(10))
     transformer.setTransform(ros.link("/world", "base", 10, 1.0))
     transformer.setTransform(ros.link("world", "/base", 12, 2.0, 0.4))
@@ -173,7 +173,7 @@ def test_exceptions_are_tf2s_with_its_words(ros: SimpleNamespace) -> None:
         0,
         "canTransform: target_frame a does not exist. canTransform: source_frame b does not exist.",
     )
-    buffer.clear()  # frames that were seen are still known, without data
+    buffer.clear()  # known frames remain known, without data
     assert refusal(lambda: tf.lookupTransform("world", "base", at(0)))[0] == "tf2.ConnectivityException"
     assert tf.lookupTransform("base", "laser", at(0))[0] == [0.5, 0, 0]
 
@@ -221,7 +221,7 @@ def test_stamped_messages_go_to_other_frames(ros: SimpleNamespace) -> None:
     pose = tf.transformPose("world", unfilled).pose
     assert (pose.position.x, pose.orientation.z) == pytest.approx((2 + 0.5 * cos, math.sin(0.2)))
     assert tf.asMatrix("world", header)[:3, 3] == pytest.approx([2 + 0.5 * cos, 0.5 * sin, 0])
-    # A rotation has two quaternions; conversions by way of a matrix give the one with w > 0.
+    # A rotation has two quaternions; conversion through a matrix gives the one with w > 0.
     turned = tf.transformQuaternion("laser", geometry.QuaternionStamped(header, geometry.Quaternion(0.6, 0, 0, -0.8)))
     assert (turned.quaternion.x, turned.quaternion.w) == pytest.approx((-0.6, 0.8))
 

@@ -1,4 +1,4 @@
-"""tf.transformations: every function against figures of ROS 1's own, and all conventions of Euler angles."""
+"""tf.transformations: every function against values of ROS 1's own, and all conventions of Euler angles."""
 
 from __future__ import annotations
 
@@ -307,7 +307,7 @@ def test_euler_angles_in_all_conventions(tft: ModuleType) -> None:
 def test_values_are_those_of_ros(tft: ModuleType) -> None:
     names = {**vars(tft), "Q": Q, "P": P, "PARTS": PARTS, "POINTS": POINTS, "MOVED": MOVED}
     for expression, wanted in EXPECTED.items():
-        assert near(eval(expression, dict(names)), wanted), expression  # the expressions are those above
+        assert near(eval(expression, dict(names)), wanted), expression  # expressions from this file only
 
 
 def test_an_array_of_one_is_an_angle(tft: ModuleType) -> None:

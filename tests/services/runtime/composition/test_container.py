@@ -1,4 +1,4 @@
-"""Nodes that share a process: the same run as in processes of their own, calls among them, and how they end."""
+"""Nodes that share a process: the same run as in separate processes, calls among them, and how they end."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Run = Callable[[Context[Any]], None]
 
 
 class Running:
-    """A container in a thread: ``error`` is what it raised."""
+    """A container in a thread; ``error`` is the exception that it raised."""
 
     def __init__(self, transport: Transport, loops: dict[str, Run], lockstep: bool, rate: float | None = RATE) -> None:
         self.error: NodeFailed | None = None
@@ -81,7 +81,7 @@ Seen = list[tuple[int, tuple[float, ...], tuple[float, ...]]]
 
 
 def mixer(name: str, seen: Seen) -> Run:
-    """The loop of ``Member``, without its pauses."""
+    """Return the loop of the lockstep tests' ``Member``, without its pauses."""
 
     def run(ctx: Context[Any]) -> None:
         truth, shared = ctx.stream(TRUTH), ctx.stream(SHARED)
@@ -97,7 +97,7 @@ def mixer(name: str, seen: Seen) -> Run:
 
 
 def _run(connect: Callable[[], Transport], latency: int, groups: list[list[str]]) -> tuple[float, dict[str, Seen]]:
-    """The state of the simulation and what the nodes saw, after 81 steps; a group of one is a process of its own."""
+    """Return the simulation's state and the nodes' observations after 81 steps; a group of one is its own process."""
     seen: dict[str, Seen] = {}
     with ExitStack() as stack:
         made = stack.enter_context(memory_node(MemoryBus(), "sim", transport=stack.enter_context(connect())))
@@ -228,7 +228,7 @@ def test_nodes_of_one_process_have_one_rate_in_lockstep() -> None:
 
 
 def test_a_call_that_is_not_answered_holds_up_nobody() -> None:
-    """The others tick on while one waits for its answer; each publishes on one key, under its own name."""
+    """The others keep ticking while one waits for its reply; each publishes on one key, under its own name."""
     bus = MemoryBus()
     clock, counted, failed = ManualClock(bus), [0], threading.Event()
     MemoryTransport(bus).serve("ask")

@@ -1,4 +1,4 @@
-"""The command line of a container: the nodes that it would run, and what it refuses before anything starts."""
+"""The command line of a container: the nodes that it would run, and bad input rejected before anything starts."""
 
 from __future__ import annotations
 

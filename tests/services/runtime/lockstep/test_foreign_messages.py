@@ -1,4 +1,4 @@
-"""Lockstep where somebody else speaks on its keys, where a member falls silent, and where one never comes."""
+"""Lockstep with foreign messages on its keys, a member that falls silent, and one that never joins."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from tests.services.runtime.lockstep.test_lockstep import Member, Simulation
 
 FAR = 2**62
 ON_ZENOH = pytest.mark.parametrize("connect", ["zenoh"], indirect=True)
-"""For what waits on the wall clock for a message that never comes: it comes as little from the bus in memory."""
+"""For tests that wait on the wall clock for a message that never arrives; the in-memory bus would add nothing."""
 
 
 class LedMember:
-    """A member's side, led by hand."""
+    """The member's side of lockstep; the test sends the grants."""
 
     def __init__(self, bus: MemoryBus) -> None:
         self.simulation, self.transport = MemoryTransport(bus), MemoryTransport(bus)
@@ -183,7 +183,7 @@ def test_strangers_make_no_member_and_drop_none(connect: Callable[[], Transport]
 
 
 class SilentMember:
-    """A member that answers its greeting and then never again; ``steps`` is how often it was let step."""
+    """A member that answers its greeting and nothing else; ``steps`` counts the grants that it received."""
 
     def __init__(self, transport: Transport, name: str, beats: bool = False) -> None:
         self.steps = 0
@@ -312,7 +312,7 @@ def test_who_comes_late_has_what_members_and_simulation_told_long_ago(connect: C
 
 
 class LoopingMember:
-    """A member's loop in a thread; ``with`` ends it."""
+    """A member's loop in a thread, ended by ``with``."""
 
     def __init__(self, transport: Transport, name: str, run: Callable[[Context[Parameters]], object]) -> None:
         self._transport, self._name, self._run = transport, name, run

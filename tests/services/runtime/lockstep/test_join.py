@@ -1,4 +1,4 @@
-"""The start of lockstep where the network loses something: greetings and answers go again, and count once."""
+"""The start of lockstep on a lossy network: greetings and answers are repeated, and count once."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _node(transport: Transport, name: str) -> Node:
 
 
 class WaitingMember:
-    """A simulation that gathers one member, in a thread."""
+    """A simulation, in a thread, that waits for one member to join."""
 
     def __init__(self, made: Node) -> None:
         self.node = made
@@ -76,7 +76,7 @@ def test_a_lost_greeting_goes_again_and_a_lost_answer_is_given_again_the_same(co
         assert sim.barrier.watermarks.admitted_upto == {"truth": {truth: 7}}
         sim.barrier.grant(sim.go(), [])
         wait_until(follower.poll, what="the leave to step")
-        follower.send_join(greeting, {"late": {late: 1}}, {})  # it comes again, and stands for no step
+        follower.send_join(greeting, {"late": {late: 1}}, {})  # a repeated greeting isn't a step
         follower.finish(0, {"truth": {truth: 8}}, {})
         sim.barrier.collect_reports(0)
         assert sim.barrier.watermarks.admitted_upto == {"truth": {truth: 8}}

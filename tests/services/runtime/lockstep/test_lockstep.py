@@ -34,7 +34,7 @@ EFFORT = Topic("/effort", Float64, 50, Quality.COMMAND, "what the simulation obe
 
 
 class Member:
-    """A loop that mixes all that it hears into a number, dawdles, and tells the number to everybody."""
+    """A loop that mixes all received messages into a number, sleeps at random, and publishes the number."""
 
     def __init__(self, transport: Transport, name: str, rate: float, dawdle: random.Random) -> None:
         self.seen: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []
@@ -74,7 +74,7 @@ class Member:
 
 
 class Idler(Member):
-    """A member that says after each step how long it has nothing to do."""
+    """A member that reports after each step for how long it will be idle."""
 
     def __init__(self, transport: Transport, name: str, idle_ns: int) -> None:
         self._idle_ns = idle_ns
@@ -95,7 +95,7 @@ class Idler(Member):
 
 
 class Leaver(Member):
-    """A member that takes leave with its second step, and leaves the network at once."""
+    """A member that leaves lockstep with its second step, and the network at once."""
 
     def __init__(self, transport: Transport, name: str) -> None:
         super().__init__(transport, name, 50.0, random.Random(0))
@@ -114,7 +114,7 @@ class Leaver(Member):
 
 
 class Simulation:
-    """The smallest simulation: a number that efforts move."""
+    """A minimal simulation: a number changed by efforts."""
 
     def __init__(self, made: Node, roster: tuple[str, ...]) -> None:
         self.node, self.tick, self.state, self.paused = made, 0, 1.0, False
@@ -155,7 +155,7 @@ def _run(connect: Callable[[], Transport], seed: int, latency: int, order: tuple
             simulation.barrier.wait_for_members()
             simulation.step(121, latency)
             if latency:
-                simulation.barrier.collect_reports(0)  # a time at which all are due
+                simulation.barrier.collect_reports(0)  # at this time all are due
             assert all(source.lost == 0 for each in members.values() if each.node for source in each.node.subscribers)
         finally:
             for each in members.values():
@@ -211,7 +211,7 @@ def test_who_has_nothing_to_do_steps_at_messages_alone_and_ten_times_a_second(
 
 
 def test_what_is_sent_early_waits_for_its_tick(connect: Callable[[], Transport]) -> None:
-    """With latency 1: a member that has finished between two of its ticks is not heard before the second."""
+    """With latency 1: messages of a member that ends between two of its ticks arrive only at the second."""
     with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
         simulation = Simulation(made, ("/a",))
         member = Member(connect(), "a", 25, random.Random(0))
@@ -253,7 +253,7 @@ def test_a_member_that_dies_is_dropped_and_the_run_says_so(connect: Callable[[],
 
 
 def test_a_member_that_takes_leave_may_be_gone_before_its_tick_is_over(connect: Callable[[], Transport]) -> None:
-    """Between two ticks, as while the simulation is paused: it has finished, and what it sent last is heard."""
+    """Between two ticks, as during a pause: it has finished, and its last messages are received."""
     with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
         simulation = Simulation(made, ("/a", "/b"))
         barrier = simulation.barrier

@@ -1,4 +1,4 @@
-"""A node that follows a set of parameters, and what it says and refuses."""
+"""A node that subscribes to a parameter set, with its log and its rejected updates."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def parameter_node(bus: MemoryBus, **options: Any) -> Iterator[tuple[Node, Param
 
 
 def spin_once(made: Node, followed: ParameterSubscription[Gains]) -> int:
-    """One look, as a tick takes it."""
+    """Update once, as at a tick; return the levels of the changes."""
     made.spin_once()
     followed.update()
     return followed.refresh()
@@ -50,6 +50,6 @@ def rejected_updates(made: Node) -> int:
 
 
 def check_damping(gains: Gains) -> None:
-    """What a node may demand of values together."""
+    """Check a relation between parameters; raises BadInput if d exceeds p."""
     if gains.d > gains.p:
         raise BadInput(f"d = {gains.d:g} above p = {gains.p:g} rings")

@@ -1,4 +1,4 @@
-"""A node and a parameter service that comes, goes, keeps silent or says no; and a node that changes its own set."""
+"""A node with a parameter service that joins late, leaves, is silent or rejects; a node that changes its own set."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_no_answer_a_bad_one_and_a_refusal_leave_a_node_on_its_own_values(bus: M
 
 
 def test_a_service_that_is_expected_is_asked_until_its_link_carries_a_question(bus: MemoryBus) -> None:
-    """Its token may be seen, while links come up, before anything that is asked of it arrives."""
+    """While links come up, its token may be visible before requests reach it."""
     with MemoryTransport(bus) as early, parameter_node(bus) as (made, followed), ExitStack() as late:
         early.declare_token(Entity(early.session, "srv", "/params", PARAMS_ANNOUNCE.name).key)
         ParameterClient.of(made).expected = True
@@ -106,7 +106,7 @@ def test_what_is_overtaken_does_not_count(bus: MemoryBus) -> None:
     with FakeParameterService(bus) as params, parameter_node(bus) as (made, followed):
         followed.start()
         params.publish(SET, {"p": 2.0})  # revision 2
-        followed.change({"p": 3.0})  # revision 3, by its answer
+        followed.change({"p": 3.0})  # revision 3, from its reply
         spin_once(made, followed)
         assert followed.params.p == 3.0
 
@@ -126,7 +126,7 @@ def test_an_answer_that_says_no_is_told_to_who_asked(bus: MemoryBus) -> None:
 
 
 def test_changes_of_two_sets_of_one_node_have_ids_of_their_own(bus: MemoryBus) -> None:
-    """As of two robots of the simulation, and of a robot that is spawned again under its name."""
+    """For example, the sets of two simulated robots, or of a robot spawned again under its name."""
     with FakeParameterService(bus) as params, parameter_node(bus) as (made, followed):
         other = ParameterSubscription(made, "/tb3_1/pilot", Gains())
         for each in (followed, other):

@@ -1,4 +1,4 @@
-"""In lockstep a change of parameters counts at a tick: the same one in every run, whatever the timing."""
+"""In lockstep a parameter change takes effect at the same tick in every run, whatever the timing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.services.runtime.lockstep.test_lockstep import EFFORT, TRUTH, Simulat
 
 RATES = {"a": 50.0, "b": 25.0}
 CHANGES = {200_000_000: 2.0, 300_000_000: 3.0, 400_000_000: 0.5}
-"""Values of ``gain`` by the simulation time [ns] at which the parameter service sends them."""
+"""Values of ``gain`` by the simulation time [ns] at which the parameter service publishes them."""
 
 
 class Gain(Parameters):
@@ -85,7 +85,7 @@ def _authority(dawdle: random.Random) -> Callable[[Node], None]:
 
 def _member(rate: float, dawdle: random.Random, seen: list[Any]) -> Callable[[Node], None]:
     def run(made: Node) -> None:
-        # As every process of a fleet: its link to the service may not be up yet.
+        # As in every process of a fleet, whose link to the service may not be up yet.
         ParameterClient.of(made).expected = True
         followed = ParameterSubscription(made, made.identity.node, Gain())
         followed.start()
@@ -132,5 +132,5 @@ def test_a_change_counts_at_one_tick_for_everybody(connect: Callable[[], Transpo
     assert [gains["b"][at] for at in (200, 240, 320, 440)] == [1.5, 2.0, 3.0, 0.5]
     assert [changed for time_ns, _, changed, _ in seen["a"] if changed] == [2**32 - 1, 1, 1, 1]
     assert all(rows[0][1] == 1.5 for rows in seen.values())
-    # The simulation takes them at the tick of their sender, before it steps on.
+    # The simulation applies them at their sender's tick, before its next step.
     assert own == [(200, 2.0), (300, 3.0), (400, 0.5)]

@@ -1,4 +1,4 @@
-"""Asking until there is an answer: what was asked once is carried out once, and what is not known is said so."""
+"""Retried requests: each is carried out once, and an unknown outcome is reported as such."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Answer = Callable[[Query], None]
 
 
 def silent(query: Query) -> None:
-    """Takes the request and never answers, as one that is killed."""
+    """Never answer the request, like a killed server."""
 
 
 def fails(query: Query) -> None:
@@ -48,7 +48,7 @@ def babbles(query: Query) -> None:
 
 @contextmanager
 def server(bus: MemoryBus, *answers: Answer) -> Iterator[list[bytes]]:
-    """Gives one answer after the other, the last again and again; what was asked."""
+    """Serve one answer after the other, repeating the last; yield the list of received requests."""
     asked: list[bytes] = []
     ended = threading.Event()
     with MemoryTransport(bus) as transport:

@@ -1,4 +1,4 @@
-"""A node follows its set of parameters: at its start, from tick to tick, and what it refuses."""
+"""A node's subscription to its parameter set: at start, from tick to tick, and rejected changes."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_values_that_contradict_each_other_are_refused(bus: MemoryBus) -> None:
         assert spin_once(made, followed) == 0
         wait_until(lambda: params.undo_requests)
         assert "rings" in params.undo_requests[0].who
-        # Once is enough until something fits again, and it says which one it means: others may have come since.
+        # One undo is enough until a change fits again; it names its revision, as others may have arrived since.
         assert [each.revision for each in params.undo_requests] == [2]
         with pytest.raises(BadInput, match="rings"):
             followed.change({"d": 2.0})

@@ -1,4 +1,4 @@
-"""Parameters from outside: read, bounded, refused with the bound and the nearest name."""
+"""Parameters from outside: parsed, bounded, rejected with the bound and the nearest name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tree of frames: lookups between any two, at any time that is known, and what is wrong told with its cause."""
+"""The transform tree: lookups between any two frames at any known time, and errors with their cause."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def at(x: float, yaw: float = 0.0) -> Pose3:
 
 @pytest.fixture
 def robot() -> TransformBuffer:
-    """World, odometry and base of two robots, a laser on the first, over two seconds."""
+    """World, odometry and base frames of two robots over two seconds, and a laser on the first."""
     buffer = TransformBuffer()
     buffer.add_static([tf("world", "a/odom", at(1.0)), tf("a/base", "a/laser", at(0.1)), tf("world", "b/odom")], SIM)
     for tick in range(51):
@@ -216,7 +216,7 @@ def test_a_leading_slash_is_no_part_of_a_name(robot: TransformBuffer) -> None:
 
 
 def test_a_frame_is_what_it_was_told_as_last() -> None:
-    """As in tf2: fixed after moving, moving after fixed, and the later one of two publishers of a fixed frame."""
+    """As in tf2: static after moving, moving after static, and the later of two publishers of a static frame."""
     buffer = TransformBuffer()
     buffer.add([tf("world", "cup", at(1.0), 1), tf("world", "cup", at(2.0), 2)], SIM)
     buffer.add_static([tf("table", "cup", at(9.0)), tf("world", "table")], STATE)
@@ -230,7 +230,7 @@ def test_a_frame_is_what_it_was_told_as_last() -> None:
 
 
 def test_a_frame_lies_in_itself_at_the_time_that_is_asked_for(robot: TransformBuffer) -> None:
-    """tf2 gives the latest time of the frame for no time, and asks nobody whether there is such a frame."""
+    """As in tf2: without a time, the frame's latest; the frame doesn't have to exist."""
     assert robot.lookup("a/base", "/a/base") == (2 * S, IDENTITY)
     assert robot.lookup("a/base", "a/base", 77 * S) == (77 * S, IDENTITY)
     assert robot.lookup("world", "world") == (None, IDENTITY)
@@ -240,7 +240,7 @@ def test_a_frame_lies_in_itself_at_the_time_that_is_asked_for(robot: TransformBu
 
 
 def test_a_frame_of_the_past_is_found_through_one_that_stands_still(robot: TransformBuffer) -> None:
-    """a/base has x = t in a/odom: one second ago it lay 1 m behind, and 1.5 m behind b's frame of another time."""
+    """a/base has x = t in a/odom: a second earlier it was 1 m behind; at 0 s, 2 m from where b/base was at 1 s."""
     assert robot.lookup_full("a/base", 2 * S, "a/base", S, "a/odom") == (2 * S, at(-1.0))
     assert robot.lookup_full("a/base", None, "a/laser", S, "world").transform.position == pytest.approx((-0.9, 0, 0))
     moved = robot.lookup_full("b/base", S, "a/base", 0, "world")

@@ -1,4 +1,4 @@
-"""A loop sees the frames as they stood at the start of its tick, those of all publishers, and anew after a reset."""
+"""A loop sees all publishers' frames as of the start of its tick, and only new ones after a reset."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def told(parent: str, child: str, x: float, ns: int = 0) -> TFMessage:
 
 @contextmanager
 def three(bus: MemoryBus) -> Iterator[tuple[Node, Node, Context[Parameters]]]:
-    """Two that publish, and the context of one that looks up."""
+    """Two publishing nodes and the context of one that looks up transforms."""
     with memory_node(bus, "sim") as sim, memory_node(bus, "state") as state, memory_node(bus, "reader") as reader:
         yield sim, state, Context(reader, Parameters(), 10.0)
 
 
 def step(ticks: Iterator[Tick], clock: ManualClock, ns: int, epoch: int = 0) -> Tick:
-    """The next tick; the clock is told until the loop, which subscribes as late as it can, has heard it."""
+    """Return the next tick; the clock is published until the loop, which subscribes late, has received it."""
     came = threading.Event()
 
     def tell() -> None:
@@ -96,7 +96,7 @@ def test_a_new_epoch_clears_it(bus: MemoryBus, clock: ManualClock) -> None:
 
 
 def test_a_lookup_waits_while_the_loop_s_own_ticks_pass(bus: MemoryBus, clock: ManualClock) -> None:
-    """What is missing comes with the third tick; what never comes costs as much simulation time as was allowed."""
+    """A missing transform arrives with the third tick; one that never arrives costs the timeout in simulation time."""
     with three(bus) as (sim, _, ctx):
         frames = ctx.transforms()
         moving, now = sim.advertise(TF), 0

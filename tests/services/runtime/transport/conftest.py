@@ -1,4 +1,4 @@
-"""Every transport under the same tests: in memory, over Zenoh directly, and over Zenoh through the router."""
+"""Runs the same tests on every transport: in memory, over Zenoh directly, and over Zenoh through the router."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Connect = Callable[[], Transport]
 
 @pytest.fixture(params=["memory", "direct", "star"])
 def connect(request: pytest.FixtureRequest) -> Iterator[Connect]:
-    """Opens one more connection to the same network."""
+    """A function that opens another connection to the same network."""
     with ExitStack() as stack:
         if request.param == "memory":
             bus = MemoryBus()

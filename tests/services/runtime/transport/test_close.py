@@ -1,4 +1,4 @@
-"""A session closes when nothing of ours uses it any more."""
+"""A session is closed only when no thread of ours uses it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from services.runtime.transport.zenoh_config import configuration
 from tests.harness.ports import free_port
 
 LONG_S = 0.3
-"""Wall time of a nudge that meets the end of its session."""
+"""Wall time of a wake-up during which its session is closed."""
 
 
 class Slow:
-    """A session in which a put lasts until the session is closed, but LONG_S at most."""
+    """A session whose put blocks until the session is closed, at most LONG_S."""
 
     def __init__(self, session: Any) -> None:
         self._session = session

@@ -1,4 +1,4 @@
-"""The behaviour that all transports share."""
+"""The behaviour required of all transports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _take(inlet: RawSubscriber, count: int) -> list[Sample]:
 
 
 def _linked(a: Transport, b: Transport) -> None:
-    """Block until a put of ``a`` reaches ``b``: its token is in sight."""
+    """Wait until a put of ``a`` reaches ``b``, which is so once ``a`` sees a token of ``b``."""
     key = f"test/{b.session}"
     token = b.declare_token(key)
     wait_until(lambda: key in a.tokens("test/*"), what="tokens")

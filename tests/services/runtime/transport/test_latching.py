@@ -1,4 +1,4 @@
-"""Latched samples of one side reach the other whatever else is asked, and whoever does not answer."""
+"""Latched samples reach late subscribers, whatever other queries are under way and whichever peers hang."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.harness.ports import free_port
 from tests.harness.waiting import wait_until
 
 TOPICS, BYTES = 60, 100_000
-"""More than what fits between two processes: 0.4 MB in their sockets and queues."""
+"""More than the sockets and queues between two processes hold: 0.4 MB."""
 
 PEER = f"""
 import sys
@@ -52,7 +52,7 @@ with ZenohTransport(configuration("direct", (sys.argv[1],), reliable=True)) as t
 
 @contextmanager
 def peer(router: str) -> Iterator[subprocess.Popen[str]]:
-    """Another process, as above."""
+    """Another process that runs PEER."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid())}
     with subprocess.Popen(
         [sys.executable, "-P", "-c", PEER, router], stdin=-1, stdout=-1, text=True, env=environment
@@ -65,7 +65,7 @@ def peer(router: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def stop(pid: int) -> None:
-    """Stop a process; it does nothing more when this returns."""
+    """Stop a process with SIGSTOP and wait until it has stopped."""
     os.kill(pid, signal.SIGSTOP)
     wait_until(lambda: psutil.Process(pid).status() == psutil.STATUS_STOPPED, 20.0, "a process that stands still")
 
@@ -106,7 +106,7 @@ def test_two_peers_with_much_for_each_other_ask_at_once(router: str) -> None:
 
 
 def test_a_question_is_kept_after_its_answer(router: str) -> None:
-    """Whoever lets go of it last sends the end of the answer, and must not be the thread that receives."""
+    """Releasing the query's last reference sends the end of the reply, which the receiving thread must not do."""
     later: list[tuple[float, Callable[[], None]]] = []
     ended = threading.Event()
     answers: list[bytes] = []
@@ -130,7 +130,7 @@ def test_a_question_is_kept_after_its_answer(router: str) -> None:
             Callback(on_reply, ended.set),
             timeout=30.0,
             accept_replies=zenoh.ReplyKeyExpr.ANY,
-            consolidation=zenoh.ConsolidationMode.NONE,  # others wait for the end
+            consolidation=zenoh.ConsolidationMode.NONE,  # other modes wait for the end
         )
         wait_until(lambda: answers, 20.0, "the answer")
         assert answers == [b"kept"]
@@ -218,7 +218,7 @@ def test_a_strangers_sample_with_its_timestamp_does_not_silence_what_is_kept(rou
 
 
 def stranger_tokens(session: zenoh.Session) -> list[str]:
-    """The tokens of those that keep a sample of the topic theirs/0, as any program sees them."""
+    """Return the tokens of the publishers that latch the topic theirs/0, as any program sees them."""
     return [str(each.ok.key_expr) for each in session.liveliness().get("theirs/0/@adv/**") if each.ok is not None]
 
 
@@ -242,7 +242,7 @@ def test_an_answer_without_an_end_takes_no_memory(router: str) -> None:
         assert answered.wait(20.0)
         sender = stranger.declare_publisher("theirs", congestion_control=zenoh.CongestionControl.BLOCK)
         wait_until(lambda: sender.matching_status.matching, 20.0, "the subscription")
-        sender.put(b"last", timestamp=stranger.new_timestamp())  # behind the answers, on the same link
+        sender.put(b"last", timestamp=stranger.new_timestamp())  # after the answers, on the same link
         found: list[bytes] = []
 
         def all_read() -> bool:
@@ -291,7 +291,7 @@ def test_zenohs_own_latched_programs_understand_ours(router: str, role: Role) ->
 
 
 def test_what_waits_is_read_in_the_order_of_its_sending(router: str) -> None:
-    """One sample was sent, a later one fetched: they may not change places."""
+    """One sample was sent, a later one fetched: they must stay in order."""
     with (
         ZenohTransport(configuration("direct", (router,))) as transport,
         ZenohTransport(configuration("direct", (router,))) as foreign,

@@ -1,4 +1,4 @@
-"""A token of which Zenoh never told its watcher is found by looking, and its end is told like any other's."""
+"""A token that Zenoh never reported to its watcher is found by polling, and its end is reported as usual."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from services.runtime.transport.zenoh import ZenohTokenWatch
 
 
 class Change:
-    """What Zenoh hands to a watcher."""
+    """A sample as Zenoh passes it to a liveliness subscriber."""
 
     def __init__(self, key: str, kind: Any) -> None:
         self.key_expr, self.kind = key, kind

@@ -1,4 +1,4 @@
-"""A number comes from outside: a forged one silences nobody, what comes twice stays out, and all of it is counted."""
+"""Sequence numbers are untrusted: forged ones silence no publisher, duplicates are dropped, and all are counted."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HOUR = 3600 * SECOND
 
 
 class SequenceHarness:
-    """A reader, and samples for it with any number, source time and publisher; the payload tells which one it is."""
+    """A subscriber, and samples for it with any number, source time and publisher id."""
 
     def __init__(self) -> None:
         bus = MemoryBus()
@@ -31,14 +31,14 @@ class SequenceHarness:
         self._outlet = MemoryTransport(bus).advertise(KEY, encoding(Bool.ROS_TYPE), Quality.LATCHED)
 
     def send(self, number: int, stamp: int, publisher: bytes = ID, payload: bytes = encode(Bool(data=True))) -> bool:
-        """Whether the sample was taken."""
+        """Publish a sample; return whether it was accepted."""
         self._outlet.put(payload, attachment=struct.pack("<qqB16s", number, stamp, 16, publisher))
         self.source.update()
         return bool(self.source.messages)
 
     @property
     def counts(self) -> tuple[int, int, int, int, int]:
-        """Received, lost, refused, repeated, resynced."""
+        """The counts received, lost, refused, repeated and resynced."""
         told = self.source.health()
         return told.received, told.lost, told.refused, told.repeated, told.resynced
 
@@ -80,7 +80,7 @@ def test_a_number_far_ahead_is_refused_with_a_reason(bus: SequenceHarness) -> No
 
 
 def test_what_comes_twice_is_dropped_and_counted_whatever_was_forged_before(bus: SequenceHarness) -> None:
-    """By a second path, or from a cache that answers late: same number and source time, or older ones."""
+    """From a second path or a late cache: the same number and source time, or older ones."""
     now = time.time_ns()
     for number in range(1, 6):
         assert bus.send(number, now + number)
@@ -102,14 +102,14 @@ def test_a_publisher_that_counts_anew_under_its_old_id_is_heard_at_once(bus: Seq
 def test_where_clocks_differ_numbers_that_go_on_growing_are_followed(
     bus: SequenceHarness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A sender whose clock is an hour behind, after a sample forged with this machine's time; 25 samples a second."""
+    """A sender at 25 Hz whose clock is an hour behind, after a sample forged with this machine's time."""
     for first, ahead in ((7, 1000), (7, -HOUR), (MAX_GAP * 3, 0)):
         bus, clock = SequenceHarness(), [100.0]
         monkeypatch.setattr(sequences, "monotonic", lambda clock=clock: clock[0])
         now = time.time_ns()
         behind = now - HOUR if ahead >= 0 else now + HOUR
         assert bus.send(first - 1, behind)
-        # A low number with a late stamp, or a high one: both are taken for the publisher's.
+        # A low number with a late stamp, or a high number: both are accepted as the publisher's.
         assert bus.send(1 if first > MAX_GAP else first + 500, now if ahead >= 0 else behind + HOUR)
         silent = 0
         for number in range(first, first + 20):

@@ -1,4 +1,4 @@
-"""In lockstep, a process that stands still for longer than a link's lease of 2 s keeps its links, and loses nothing."""
+"""In lockstep, a process stopped for longer than a link's lease of 2 s keeps its links and loses no message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tokens under every transport: who comes and goes is told, and a crowd is seen whole."""
+"""Liveliness tokens on every transport: their changes are reported, and large numbers are seen completely."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_tokens_come_and_go(connect: Connect) -> None:
     wait_until(seen(1))
     late = other.declare_token("@elea/x/late")
     wait_until(seen(2))
-    watch.refresh()  # what is known is not told again
+    watch.refresh()  # known tokens aren't reported again
     early.close()
     wait_until(seen(3))
     other.close()
@@ -50,7 +50,7 @@ def test_tokens_come_and_go(connect: Connect) -> None:
 
 
 def test_a_crowd_of_tokens_is_seen_whole_by_everyone(connect: Connect) -> None:
-    """Nine connections with 70 tokens each: more than Zenoh's own queue of answers holds."""
+    """Eight connections with 70 tokens each, seen by a ninth: more than Zenoh's own reply queue holds."""
     crowd = [connect() for _ in range(8)]
     kept = [each.declare_token(f"@elea/{number}/{token}") for number, each in enumerate(crowd) for token in range(70)]
     newcomer = connect()

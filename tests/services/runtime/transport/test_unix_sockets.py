@@ -1,4 +1,4 @@
-"""Unix sockets: where they lie, whom they keep out, and what killed processes leave of them."""
+"""Unix sockets: their folder, protection from other users, and leftovers of killed processes."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ with ZenohTransport(tree):
 
 @pytest.fixture
 def folder() -> Iterator[Path]:
-    """A folder of this user's alone, with a short path."""
+    """A folder private to this user, with a short path."""
     with tempfile.TemporaryDirectory() as made:
         yield Path(made)
 
 
 def of_another_user(folder: Path) -> Path:
-    """A folder of mode 0700 of another user; who cannot make one finds one."""
+    """Return another user's folder of mode 0700: a new one, or without root an existing one."""
     if os.geteuid() != 0:
         return Path("/root")
     made = folder / "another"
@@ -58,7 +58,7 @@ def of_another_user(folder: Path) -> Path:
 
 
 def listener(role: str, router: str) -> subprocess.Popen[str]:
-    """Another process that listens."""
+    """Start another process that listens."""
     made = subprocess.Popen(
         [sys.executable, "-P", "-c", LISTENER, role, router],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
@@ -113,7 +113,7 @@ def test_a_folder_that_others_can_reach_is_refused_with_the_remedy(
 
 
 def test_the_limit_of_a_path_is_the_systems(folder: Path) -> None:
-    """The longest folder that passes has room for the router's socket and for a node's; one byte more is refused."""
+    """The longest accepted folder leaves space for the router's and the nodes' sockets; one byte more is rejected."""
     room = unix_sockets.MAX_PATH_LENGTH - len(str(folder)) - 1 - len("/0123456789.sock")
     longest = folder / ("x" * room)
     longest.mkdir(mode=0o700)

@@ -1,4 +1,4 @@
-"""Every key that we write is one that Zenoh knows, with the value that we meant."""
+"""Every configuration key that we write is known to Zenoh and parsed with the intended value."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _leaves(tree: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _holds(made: Any, wanted: Any) -> bool:
-    """Whether what Zenoh made of a value is that value; in the records of a list it states more than we do."""
+    """Whether Zenoh parsed a value as given; it may add keys to records in lists."""
     if isinstance(wanted, dict):
         return all(name in made and _holds(made[name], value) for name, value in wanted.items())
     if isinstance(wanted, list):

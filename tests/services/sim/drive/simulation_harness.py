@@ -1,4 +1,4 @@
-"""The simulation in one process: real PyBullet, the transport in memory, time that only the test advances."""
+"""The simulation in one process: a real physics engine, the in-memory transport, and time advanced by the test."""
 
 from __future__ import annotations
 
@@ -65,50 +65,50 @@ class SimulationHarness:
 
     @property
     def now(self) -> float:
-        """Simulation time, s."""
+        """Simulation time [s]."""
         return self.simulation.now / 1e9
 
     def subscribe(self, topic: Topic[Any]) -> None:
-        """Keep what comes on a topic of the robot from now on."""
+        """Subscribe to a topic of the robot and keep its messages."""
         key = f"{NAME}/{topic.name}"
         self._inputs[topic.name] = Subscriber(topic, f"/{key}", key, self._transport), []
 
     def received(self, topic: Topic[M]) -> list[M]:
-        """What has come on it, oldest first."""
+        """Return all messages of a subscribed topic, oldest first."""
         came, messages = self._inputs[topic.name]
         came.update()
         messages += [message for message, _ in came.messages]
         return messages
 
     def latest(self, topic: Topic[M]) -> M:
-        """The newest of it."""
+        """Return the latest message of a topic."""
         return self.received(topic)[-1]
 
     def publish(self, topic: Topic[Any], message: Message, sender: str = "/controller") -> None:
-        """Publish as a node."""
+        """Publish on a topic of the robot as the node ``sender``."""
         if (topic.name, sender) not in self._outputs:
             key = f"{NAME}/{topic.name}"
             self._outputs[topic.name, sender] = Publisher(topic, f"/{key}", key, sender, self._transport)
         self._outputs[topic.name, sender].publish(message)
 
     def run(self, seconds: float) -> None:
-        """Let simulation time go on."""
+        """Advance simulation time by ``seconds``."""
         for _ in range(round(seconds * 1e9 / STEP_NS)):
             self.publish_state()
             if self.simulation.tick % CONTROL_STEPS == 0:
-                # Factor 0: how long the test's own process dawdles makes no command older.
+                # Factor 0: delays of the test process make no command older.
                 self.simulation.read_inputs(None, 0.0)
             self.simulation.step()
 
     def publish_state(self) -> None:
-        """Publish what is due at this tick, once."""
+        """Publish the messages due at this tick, once."""
         at = self.simulation.epoch, self.simulation.tick
         if self._published != at:
             self._published = at
             self.simulation.publish()
 
     def drive(self, v: float, w: float, seconds: float, period: float = 0.04) -> None:
-        """Command at 25 Hz for a time, a whole number of control ticks."""
+        """Publish a command at 25 Hz for ``seconds``, a whole number of control ticks."""
         ticks = round(seconds / CONTROL_S)
         for tick in range(ticks):
             if tick % round(period / CONTROL_S) == 0:
@@ -116,7 +116,7 @@ class SimulationHarness:
             self.run(CONTROL_S)
 
     def call(self, request: Request[M, R], message: M) -> R:
-        """Ask the simulation as another process would; raises CallFailed."""
+        """Call the simulation as another process does; raises CallFailed."""
         with ThreadPoolExecutor(1) as pool:
             key = request.name.lstrip("/")
             asked = pool.submit(call, MemoryTransport(self.bus), request, key, message, 20.0)
@@ -126,7 +126,7 @@ class SimulationHarness:
             return asked.result()
 
     def publish_raw(self, topic: Topic[Any], payload: bytes) -> None:
-        """Publish as a program that is not ours."""
+        """Publish a payload as a foreign program does."""
         key = f"{NAME}/{topic.name}"
         self._transport.advertise(key, encoding(topic.record.ROS_TYPE), topic.quality).put(payload, attachment=b"")
 
@@ -136,12 +136,12 @@ class SimulationHarness:
         return self.robot.actuation.controller
 
     def status(self) -> BaseStatus:
-        """What the base says of itself."""
+        """The base's current status."""
         self.robot.publish_status(self.simulation.now)
         return self.latest(BASE_STATUS)
 
     def truth(self) -> Odometry:
-        """Where the robot is now."""
+        """The robot's current ground truth."""
         self.publish_state()
         return self.latest(GROUND_TRUTH)
 
@@ -154,7 +154,7 @@ def run_simulation(
     engine: Engine | None = None,
     **parameters: object,
 ) -> Iterator[SimulationHarness]:
-    """A robot ``p3dx`` of some model alone in an empty world."""
+    """Run a simulation with one robot, named ``p3dx`` whatever its model, in an empty world."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     with (
         open_world(engine or default_engine(), WorldDescription(), STEP_NS) as world,
@@ -167,5 +167,5 @@ def run_simulation(
 
 
 def base_parameters(**parameters: object) -> BaseParameters:
-    """Parameters as a fleet file gives them."""
+    """Build base parameters as from a fleet file."""
     return build(BaseParameters, parameters)

@@ -1,4 +1,4 @@
-"""Who drives: priorities, time-outs on arrival and age, lost publishers, the emergency stop, and what is counted."""
+"""The command arbiter: priorities, time-outs on arrival and age, lost publishers, the emergency stop, and counts."""
 
 from __future__ import annotations
 

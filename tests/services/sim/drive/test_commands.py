@@ -1,4 +1,4 @@
-"""How commands come in: with stamps, from several publishers, into limits and wheels that a fleet file describes."""
+"""Incoming commands: stamps, several publishers, and the limits and wheel settings of a fleet file."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def test_wheels_driven_by_torque_follow_as_well() -> None:
 
 
 def test_a_torque_beyond_the_motor_s_is_clamped() -> None:
-    """Half a newton metre for two wheels of 0.0975 m pushes 9 kg at 1.1 m/s2 at most, whatever is asked."""
+    """2 N m on each of two wheels of radius 0.0975 m accelerate 9 kg by at most 4.6 m/s2, whatever the PID demands."""
     limits = {"max_velocity": 5.0, "max_acceleration": 1000.0}
     with run_simulation(wheel_pid={"p": 1e4}, linear=limits) as world:
         world.drive(1.0, 0.0, 0.1)

@@ -1,4 +1,4 @@
-"""From parameters and figures to settings: the model's defaults, what wins over them, what is warned of and refused."""
+"""Drive settings from parameters and model: the model's defaults, overrides, warnings and errors."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_what_is_out_of_bounds_is_refused(parameters: dict[str, Any]) -> None:
 
 
 def test_the_tutorials_figures_warn_and_do_what_is_said() -> None:
-    """On the real robot's geometry: 0.65 of the speed, 0.77 of the turn; odometry believes the command."""
+    """On the real robot's geometry: 0.65 of the speed, 0.77 of the turn rate; odometry assumes the command."""
     with run_simulation(wheel_radius=0.15, wheel_separation=0.39) as world:
         assert "drives x0.65 the commanded speed and turns x0.77 the commanded rate" in world.log
         assert "reports x1.54 the way and x1.30 the turn" in world.log

@@ -1,6 +1,6 @@
-"""What the tests of ROS's ``diff_drive_controller`` ask of it: ways, turns, limits and stops, in PyBullet.
+"""The tests of ROS's ``diff_drive_controller`` on our base: distances, turns, limits and stops, in real physics.
 
-Its bounds are kept; where theory knows the figure, it is asserted more narrowly.
+Its bounds are kept; where theory gives the figure, the bound is narrower.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LIMITED = {
     "linear": {"max_velocity": 1.0, "max_acceleration": 1.0},
     "angular": {"max_velocity": 2.0, "max_acceleration": 2.0},
 }
-"""The limits of its ``diffbot_limits.yaml``."""
+"""The limits in its ``diffbot_limits.yaml``."""
 
 
 def way(start: Odometry, end: Odometry) -> float:
@@ -61,7 +61,7 @@ def test_one_command_and_then_silence_is_less_than_080_metres() -> None:
         world.run(3.0)
         gone = world.truth().pose.pose.position.x
         assert gone < 0.8
-        # A motor of 2 N m takes 0.25 s to 1 m/s and as long to stand.
+        # A motor of 2 N m takes 0.25 s to 1 m/s and as long to standstill.
         assert gone == pytest.approx(0.5, abs=0.05)
 
 

@@ -1,4 +1,4 @@
-"""From commands to wheel speeds: limits hold for every sequence, targets are reached exactly, curvature can be kept."""
+"""Wheel speeds from commands: limits hold for every sequence, targets are reached exactly, curvature can be kept."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def rims(state: DriveState) -> tuple[float, float]:
 
 
 def at(left: float, right: float) -> DriveState:
-    """A burger whose wheels run at these speeds."""
+    """Return the state of a burger with these rim speeds [m/s]."""
     v, w = body_velocity(BURGER.geometry, left, right)
     return DriveState(v, w, v, w, left, right)
 

@@ -1,4 +1,4 @@
-"""Robots from outside in the simulation: what they obey, by which names, and what they publish."""
+"""Imported robots in the simulation: the commands that they obey, topic names, and what they publish."""
 
 from __future__ import annotations
 

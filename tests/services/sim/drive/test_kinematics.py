@@ -1,4 +1,4 @@
-"""Wheel figures: read from a URDF, multiplied, and compared with what is configured."""
+"""Wheel geometry: read from a URDF, multiplied, and compared with the configured one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from models.urdf import NoWheels, read_wheels
 from services.sim.drive.kinematics import WheelGeometry, body_velocity, describe_mismatch, rim_speeds
 
 TUTORIAL = WheelGeometry(0.39, 0.15, 0.15)
-"""What a tutorial configures for a Pioneer: a diameter for a radius, a width for a track."""
+"""A tutorial's configuration of a Pioneer: a diameter as radius, the width as wheel separation."""
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5))
@@ -44,7 +44,7 @@ def test_every_model_is_what_its_urdf_says(name: str) -> None:
     ],
 )
 def test_the_tutorials_figures_are_told_with_their_effects(built: WheelGeometry, effects: tuple[str, ...]) -> None:
-    """On the URDF that it drives, and on the real robot's."""
+    """With the geometry of the URDF that the tutorial drives, and with the real robot's."""
     text = describe_mismatch(TUTORIAL, built)
     drives, turns, way, turn = effects
     assert f"drives {drives} the commanded speed and turns {turns} the commanded rate" in text

@@ -1,4 +1,4 @@
-"""The limits of one axis: never exceeded, symmetric, exact at any step, jerk as in ROS 2 or as in ROS 1."""
+"""The limits of one axis: never exceeded, symmetric, exact at any step size, with jerk as in ROS 2 or ROS 1."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ROUNDING = 1e-9
 
 
 def run(axis: AxisLimits, series: list[float], dt: float) -> list[float]:
-    """The limited speeds, with the two of rest before them."""
+    """Return the limited speeds, preceded by two zeros at rest."""
     speeds = [0.0, 0.0]
     for wanted in series:
         speeds.append(limit(axis, wanted, speeds[-1], speeds[-2], dt))
@@ -120,7 +120,7 @@ def test_as_ros1_jerk_is_doubled_and_swings() -> None:
 
 
 def test_a_jerk_limited_start_is_a_parabola_then_a_line() -> None:
-    """v = j t^2 / 2 up to a / j, then a t; the steps' sum lies j t dt / 2 above the parabola."""
+    """v = j t^2 / 2 up to t = a / j, then slope a; the discrete sum is j t dt / 2 above the parabola."""
     axis, dt = AxisLimits(accelerate=1.0, min_jerk=-5, max_jerk=5), 0.001
     speeds = run(axis, [10.0] * 500, dt)[2:]
     assert speeds[99] == pytest.approx(5 * 0.1**2 / 2, abs=5 * 0.1 * dt)

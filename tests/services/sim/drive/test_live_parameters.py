@@ -1,4 +1,4 @@
-"""The set of a base while it drives: what changes at once, what is refused whole, and who owns the values."""
+"""Parameters of a base while it drives: immediate changes, rejected ones, and the owner of the values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SET = f"/{NAME}/base"
 
 @contextmanager
 def tuned(**parameters: Any) -> Iterator[tuple[SimulationHarness, FakeParameterService]]:
-    """A robot whose set a parameter service by hand knows."""
+    """Run a robot whose parameter set a fake parameter service owns."""
     with run_simulation(**parameters) as world, FakeParameterService(world.bus) as params:
         wait_until(lambda: world.node.spin_once() or params.announcements)
         yield world, params

@@ -1,4 +1,4 @@
-"""From wheel angles and commands back to a pose."""
+"""Odometry: integration of wheel angles and commands to a pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A base whose commander falls silent, dies or is overruled by an emergency stop ends where theory says."""
+"""A base stops within the theoretical distance when its commands cease, their publisher dies, or on emergency stop."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness,
 
 SPEEDS = (0.2, 0.5, 0.75)
 STANDING = 1e-3
-"""m/s; below it a robot stands."""
+"""Speed [m/s] below which a robot counts as stopped."""
 WHEELS = read_model("p3dx").wheels
 assert WHEELS is not None
 
 
 def at_speed(world: SimulationHarness, speed: float) -> None:
-    """Commanded until it runs evenly."""
+    """Drive until the speed is steady."""
     world.drive(speed, 0.0, 0.5 + speed / 0.3)
     assert world.truth().twist.twist.linear.x == pytest.approx(speed, rel=2e-3)
 
 
 def measured(world: SimulationHarness, seconds: float = 4.0) -> StopPrediction:
-    """Time and way from now to the standstill, by ground truth at 50 Hz."""
+    """Return time and distance from now to standstill, from ground truth at 50 Hz."""
     begin, start = world.now, world.truth().pose.pose.position
     world.run(seconds)
     states = [each for each in world.received(GROUND_TRUTH) if each.header.stamp.ns / 1e9 >= begin]
@@ -49,7 +49,7 @@ def measured(world: SimulationHarness, seconds: float = 4.0) -> StopPrediction:
 
 
 def near(stop: StopPrediction, theory: StopPrediction) -> None:
-    """Within 5 % in distance; in time within 5 % and the 20 ms between two looks."""
+    """Assert agreement within 5 % in distance, and within 5 % plus a sample period of 20 ms in time."""
     assert stop.distance == pytest.approx(theory.distance, rel=0.05)
     assert abs(stop.time - theory.time) <= 0.05 * theory.time + 0.02
 
@@ -79,7 +79,7 @@ def test_an_emergency_stop(speed: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_a_commander_that_dies(speed: float) -> None:
-    """Its liveliness goes, which the network tells at once: no time-out passes."""
+    """The network reports the loss of its liveliness token at once, without waiting for the time-out."""
     with run_simulation() as world:
         at_speed(world, speed)
         source = world.base.arbiter.decide(world.simulation.now).source
@@ -89,7 +89,7 @@ def test_a_commander_that_dies(speed: float) -> None:
 
 
 def test_a_member_of_lockstep_that_died_commands_no_more() -> None:
-    """From the tick in which lockstep goes on without it, though its publications are still seen."""
+    """From the tick in which lockstep goes on without it, although its publishers are still visible."""
     identity, marks = Identity.of("controller"), Watermarks()
     with (
         run_simulation() as world,
@@ -106,7 +106,7 @@ def test_a_member_of_lockstep_that_died_commands_no_more() -> None:
 
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_a_command_to_stand_still_is_a_gentle_stop(speed: float) -> None:
-    """At the comfort limit of 0.3 m/s2, not at the brake's."""
+    """At the comfort limit of 0.3 m/s2, not the brake's."""
     with run_simulation() as world:
         at_speed(world, speed)
         start, begin = world.truth().pose.pose.position, world.now

@@ -1,4 +1,4 @@
-"""The simulation with arms in one process: real PyBullet, the transport in memory, time that the test advances."""
+"""The simulation with arms in one process: real physics, the in-memory transport, and time advanced by the test."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SCENE = WorldDescription(boxes=(Box(name="crate", size=(0.4, 0.4, 0.4), position
 
 
 class JointSimulation:
-    """A simulation, what is sent to it and asked of it."""
+    """A simulation, with commands to it and requests of it."""
 
     def __init__(self, loop: SimulationLoop, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
         self.simulation, self.bus, self.node, self._loop, self._log = loop.simulation, bus, node, loop, log
@@ -55,7 +55,7 @@ class JointSimulation:
     def publish(
         self, topic: Topic[Any], message: Message, robot: str = "arm", sender: str = "/controller"
     ) -> Publisher[Any]:
-        """Publish as a node; in the namespace of a robot, or, without one, of nobody."""
+        """Publish as the node ``sender``, in a robot's namespace or, if empty, in the root namespace."""
         key = f"{robot}/{topic.name}".strip("/")
         if (key, sender) not in self._outputs:
             self._outputs[key, sender] = Publisher(topic, f"/{key}", key, sender, self._transport)
@@ -63,11 +63,11 @@ class JointSimulation:
         return self._outputs[key, sender]
 
     def publish_effort(self, effort: float, duration: float = 0.1, joint: str = "bear_link", **more: Any) -> None:
-        """A job on the topic of the arm."""
+        """Publish an effort job on the arm's topic."""
         self.publish(JOINT_EFFORT, JointEffort(joint_name=joint, effort=effort, duration=duration), **more)
 
     def run(self, seconds: float, factor: float = 0.0) -> None:
-        """Let time go on. With the factor 0, the time that the test takes makes no command older."""
+        """Advance by ``seconds``. With factor 0, the test's own run time makes no command older."""
         for _ in range(round(seconds * 1e9 / STEP_NS)):
             self.publish_state()
             if self.simulation.tick % self.simulation.input_steps == 0:
@@ -75,14 +75,14 @@ class JointSimulation:
             self.simulation.step()
 
     def publish_state(self) -> None:
-        """Publish what is due at this tick, once."""
+        """Publish the messages due at this tick, once."""
         at = self.simulation.epoch, self.simulation.tick
         if self._published != at:
             self._published = at
             self.simulation.publish()
 
     def call(self, request: Request[Any, R], message: Message) -> R:
-        """Ask the simulation as another process would; raises CallFailed."""
+        """Call the simulation as another process does; raises CallFailed."""
         with ThreadPoolExecutor(1) as pool:
             asked = pool.submit(call, MemoryTransport(self.bus), request, request.name.lstrip("/"), message, 20.0)
             while not asked.done():
@@ -91,15 +91,15 @@ class JointSimulation:
             return asked.result()
 
     def joint_properties(self, model: str = "arm") -> JointProperties:
-        """What the joint of an arm is and does."""
+        """Return the properties of an arm's joint."""
         return self.call(JOINT_PROPERTIES, JointName(model=model, joint_name="bear_link"))
 
     def subscribe(self, topic: Topic[M], name: str) -> Subscriber[M]:
-        """An input of the test's own."""
+        """Return a new subscriber of the test."""
         return Subscriber(topic, name, name.lstrip("/"), self._transport)
 
     def commands(self, robot: str = "arm") -> Subscriber[Any]:
-        """What the simulation reads of a robot's efforts."""
+        """Return the simulation's own subscriber to a robot's efforts."""
         return next(each for each in self.node.subscribers if each.name == f"/{robot}/joint_effort")
 
 
@@ -107,8 +107,7 @@ class JointSimulation:
 def run_joint_simulation(
     *robots: dict[str, Any], scene: WorldDescription = SCENE, folders: tuple[str, ...] = ()
 ) -> Iterator[JointSimulation]:
-    """A stage with these robots, an arm of the name ``arm`` when none is stated; requests may take others from
-    ``folders``."""
+    """Run a simulation with these robots, by default one named ``arm``; requests may spawn others from ``folders``."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     params = build(SimParameters, {"robots": [*robots] or [{"name": "arm", "model": "arm"}]})
     with (
@@ -128,13 +127,13 @@ def run_joint_simulation(
 
 
 def robot_entry(name: str, model: str = "arm", **more: Any) -> dict[str, Any]:
-    """A robot as parameters state it."""
+    """Return a robot's entry in the simulation's parameters."""
     return {"name": name, "model": model, **more}
 
 
 def effort_request(
     value: float, duration: float = 0.1, joint: str = "bear_link", model: str = "", start: int = 0
 ) -> ApplyEffort:
-    """A job that is asked for."""
+    """Return the request for an effort job."""
     job = JointEffort(joint_name=joint, effort=value, duration=duration, start_time=Time.of(start))
     return ApplyEffort(model=model, job=job)

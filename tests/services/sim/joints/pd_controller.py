@@ -1,4 +1,4 @@
-"""A test controller: the tutorial's PD on the arm, toward 30 degrees; no two of its jobs have the same effort."""
+"""A test controller: the tutorial's PD on the arm, towards 30 degrees; all its jobs have different efforts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from services.runtime.context import Context
 
 
 class PdParameters(Parameters):
-    """How long its jobs last."""
+    """Duration of its jobs."""
 
     job: Annotated[float, Meta(description="duration of a job, s")] = 0.1
 

@@ -1,4 +1,4 @@
-"""Joints beside a robot's wheels, in the whole simulation: they obey ``joint_command``, the wheels ``cmd_vel``."""
+"""A wheeled robot's other joints, in the whole simulation: they obey ``joint_command``, the wheels ``cmd_vel``."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PAN_TILT = """
 
 @pytest.fixture
 def model(tmp_path: Path) -> str:
-    """A burger with a pan-tilt, as a folder of the user's own."""
+    """A burger with a pan-tilt unit, as a user's folder."""
     text = urdf_path("burger").read_text()
     (tmp_path / "robot.urdf").write_text(text.replace("</robot>", PAN_TILT))
     (tmp_path / "model.toml").write_text(model_config_path("burger").read_text())
@@ -44,7 +44,7 @@ def command(on: JointSimulation, **positions: float) -> None:
 
 
 def drive(on: JointSimulation, seconds: float, **positions: float) -> None:
-    """Drive straight on with the base, and command joints, at 50 Hz."""
+    """Drive the base straight ahead and command joints, at 50 Hz."""
     for _ in range(round(seconds * 50)):
         on.publish(CMD_VEL, Twist.planar(0.2, 0.0), "r", "/driver")
         command(on, **positions)

@@ -1,4 +1,4 @@
-"""Efforts on joints as requests, as Gazebo had them."""
+"""Requests for joint efforts, as in Gazebo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fleet file states the parameters of an arm's joints where a base would have its own."""
+"""A fleet file gives the parameters of an arm's joints in the place of a base's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs in time: when they act, which of them, and what they come to."""
+"""The queue of effort jobs: when each acts, which ones act together, and the resulting effort."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ARM = read_joint_limits("arm")["bear_link"]
 
 
 def acting(jobs: JobQueue[float], step: int, until: int, mode: str = "active") -> list[list[float]]:
-    """What acts on each step from 0 on, times in ms."""
+    """Return the values that act at each step from 0 on; times in ms."""
     return [getattr(jobs, mode)(now * MS) for now in range(0, until, step)]
 
 
@@ -98,7 +98,7 @@ def test_there_is_an_end_to_how_many_wait() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 50), st.floats(-100, 100)), max_size=12))
 def test_of_all_that_act_the_one_with_the_latest_start_is_the_last(given_: list[tuple[int, int, float]]) -> None:
-    """Against a second way to say it: a job acts until its end or until another begins."""
+    """Compared with another formulation: a job acts until its end or until another starts."""
     jobs: JobQueue[float] = JobQueue()
     for start, length, value in given_:
         jobs.add(Job(value, start * MS, (start + length) * MS))

@@ -1,4 +1,4 @@
-"""The set of a model's joints while they move: what changes at once, whole or not at all, and who owns the values."""
+"""Parameters of a model's joints while they move: immediate, atomic changes, and the owner of the values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SET = "/arm/joints"
 
 @contextmanager
 def tuned(**parameters: Any) -> Iterator[tuple[JointSimulation, FakeParameterService]]:
-    """An arm whose set a parameter service by hand knows."""
+    """Run an arm whose parameter set a fake parameter service owns."""
     with (
         run_joint_simulation(robot_entry("arm", joint_parameters=parameters)) as on,
         FakeParameterService(on.bus) as params,

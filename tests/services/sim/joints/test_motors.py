@@ -1,4 +1,4 @@
-"""Joints that a controller manager commands, in PyBullet: within their limits, and safe when the commands end."""
+"""Joints commanded by a controller manager, in real physics: within their limits, and safe when the commands end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.harness.joint_rig import JointRig, joint_rig
 
 
 def drive(rig: JointRig, seconds: float, **positions: float) -> float:
-    """Command positions at 100 Hz; returns the greatest speed of the shoulder on the way, rad/s."""
+    """Command positions at 100 Hz; return the shoulder's greatest speed [rad/s]."""
     fastest = 0.0
     for _ in range(round(seconds * 100)):
         rig.command("position", **positions)

@@ -1,4 +1,4 @@
-"""Efforts from a controller in a process of its own: in lockstep bit for bit, and released when it is killed."""
+"""Efforts from a controller process: identical bit for bit in lockstep, and released when it is killed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MODES = ("lockstep", "real")
 
 @contextmanager
 def arm(logs: Path, **settings: object) -> Iterator[tuple[Process, MessageRecorder[JointState]]]:
-    """The arm under its controller: the controller's process, and what its joint does."""
+    """Run the arm and its controller; yield the controller's process and a recorder of joint states."""
     logs.mkdir(exist_ok=True)
     lockstep = ["--lockstep"] if settings["mode"] == "lockstep" else []
     given = {"robots": [{"name": "arm", "model": "arm"}], "members": [NODE] if lockstep else [], **settings}
@@ -39,7 +39,7 @@ def arm(logs: Path, **settings: object) -> Iterator[tuple[Process, MessageRecord
 
 
 def at(states: MessageRecorder[JointState], seconds: float) -> dict[int, tuple[float, float]]:
-    """Angle [deg] and effort [N m] by stamp, once this simulation time is reached."""
+    """Wait for a simulation time [s]; return angle [deg] and effort [N m] by stamp [ns]."""
 
     def reached() -> bool:
         return bool(states.received()) and states.received()[-1].header.stamp.ns >= seconds * 1e9
@@ -62,7 +62,7 @@ def test_lockstep_repeats_bit_for_bit(tmp_path: Path) -> None:
 
 
 def test_a_killed_controller_lets_go_when_its_last_job_ends(tmp_path: Path) -> None:
-    """In both modes, side by side."""
+    """In both modes, in parallel."""
     with ThreadPoolExecutor() as pool:
         for mode, done in [(each, pool.submit(_kill_a_controller, tmp_path / each, each)) for each in MODES]:
             with case(mode):

@@ -95,7 +95,7 @@ REFUSED: list[tuple[Request[Any, Any], Message, str]] = [
 
 @pytest.fixture(scope="module")
 def crowd() -> Any:
-    """Two arms and a burger."""
+    """A simulation with two arms and a burger."""
     with run_joint_simulation(robot_entry("arm"), robot_entry("two", x=4.0), robot_entry("tb3", "burger", x=2.0)) as on:
         yield on
 
@@ -111,7 +111,7 @@ def test_what_is_refused_names_what_there_is(
 
 
 def test_an_arm_is_not_swung_into_a_robot_and_a_robot_not_put_into_an_arm() -> None:
-    """At 75 degrees the head is at x = 0.74 m and z = 1.1 m, and out of the way at 0."""
+    """At 75 degrees the arm's head is at x = 0.74 m, z = 1.1 m; at 0 degrees it is out of the way."""
     high = Pose(position=Point(x=0.75, z=1.03))
     with run_joint_simulation() as on:
         on.call(SPAWN, SpawnModel(name="tb3", model="burger", pose=high))

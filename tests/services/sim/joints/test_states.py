@@ -1,4 +1,4 @@
-"""Models and links: where they are seen from where, how they are moved and spawned, and what they are made of."""
+"""Models and links: states relative to other entities, moving, spawning, and properties."""
 
 from __future__ import annotations
 

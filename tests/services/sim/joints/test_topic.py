@@ -1,4 +1,4 @@
-"""Jobs on the topic ``joint_effort``: what acts, what is refused, and what becomes of them when things end."""
+"""Jobs on the topic ``joint_effort``: effects, rejections, and their end with publishers, robots and resets."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_sum_and_replace_on_the_topic() -> None:
 def job(
     joint: str = "bear_link", effort: float = 1.0, duration: float = 0.1, sec: int = 0, nano: int = 0
 ) -> JointEffort:
-    """A job of a tenth of a second."""
+    """Return a job of 0.1 s."""
     return JointEffort(joint_name=joint, effort=effort, duration=duration, start_time=Time(sec=sec, nanosec=nano))
 
 
@@ -83,7 +83,7 @@ def test_a_foreign_program_may_send_and_garbage_is_refused() -> None:
 
 
 def test_what_waited_in_a_frozen_process_is_not_begun_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its age is measured in wall time against the least delay seen, and goes off the duration."""
+    """Its age, wall time beyond the least delay seen, is subtracted from its duration."""
     ages = iter([0.0, 0.06, 0.5])
     with run_joint_simulation() as on:
         monkeypatch.setattr(on.simulation._delays, "estimate", lambda _: next(ages))
@@ -121,7 +121,7 @@ def test_an_emergency_stop_drops_all_efforts_until_it_is_reset() -> None:
 
 
 def test_who_comes_while_all_are_stopped_is_stopped_too() -> None:
-    """Also when nobody else is there who could remember."""
+    """Even when no other robot is there to keep the stop."""
     late = SpawnModel(name="late", model="arm", pose=Pose.planar(3.0, 0.0))
     base = SpawnModel(name="base", model="burger", pose=Pose.planar(-3.0, 0.0))
     with run_joint_simulation() as on:

@@ -1,4 +1,4 @@
-"""Wrenches on links: their axes, how they add up, and when they end."""
+"""Wrenches on links: their axes, sum and end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.services.sim.joints.joint_simulation import robot_entry, run_joint_si
 
 
 def test_a_wrench_lifts_turns_and_ends() -> None:
-    """In the air: 1.0037 kg under 20 N for 21 steps; then only gravity."""
+    """In the air: 20 N on 1.0037 kg for 21 steps, then only gravity."""
     with run_joint_simulation(robot_entry("tb3", "burger")) as on:
         for link, share in (("base_footprint", 0.001), ("base_link", 0.999)):
             push = Wrench(force=Vector3(z=20.0 * share))
@@ -40,7 +40,7 @@ def test_a_wrench_lifts_turns_and_ends() -> None:
 @pytest.mark.parametrize("link", ["base_footprint", "base_link"])
 @pytest.mark.parametrize(("frame", "axis"), [("", 0), ("world", 0), ("tb3", 1), ("tb3::base_scan", 1)])
 def test_a_wrench_is_in_the_axes_of_its_frame(link: str, frame: str, axis: int) -> None:
-    """The robot looks along the world's y axis and falls."""
+    """The robot faces along the world's y axis and falls."""
     with run_joint_simulation() as on:
         yaw = Pose(position=Point(x=3.0, z=1.0), orientation=Quaternion.from_yaw(math.pi / 2))
         on.call(SPAWN, SpawnModel(name="tb3", model="burger", pose=yaw))

@@ -1,4 +1,4 @@
-"""The arm alone in an empty world, and the tutorial's laws on it, without a network."""
+"""The arm alone in an empty world with the tutorial's control laws, without a network."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from tests.services.sim.physics.driven_robot import STEP_NS
 
 JOINT = "bear_link"
 JOB_S = 0.1
-"""What the tutorial asks for, again and again."""
+"""Duration [s] of each effort request in the tutorial."""
 SATURATION = 200.0
-"""N m, the tutorial's."""
+"""The tutorial's effort limit [N m]."""
 
 
 @dataclass
@@ -38,7 +38,7 @@ class TutorialPid:
     before: float | None = None
 
     def step(self, error: float, dt: float) -> float:
-        """The effort [N m] for an error [deg]."""
+        """Return the effort [N m] for an error [deg]."""
         self.integral = max(-20.0, min(20.0, self.integral + error * dt))
         rate = 0.0 if self.before is None else (error - self.before) / dt
         self.before = error
@@ -47,18 +47,18 @@ class TutorialPid:
 
 
 def set_point_pid() -> TutorialPid:
-    """The tutorial's PD for set-points."""
+    """Return the tutorial's PD for set points."""
     return TutorialPid(37.5, 0.0, 2.8)
 
 
 def tracking_pid() -> TutorialPid:
-    """The tutorial's PID for tracking."""
+    """Return the tutorial's PID for tracking."""
     return TutorialPid(38.5, 0.3, 1.3)
 
 
 @dataclass
 class ArmSimulation:
-    """An arm that begins at rest at 0; ``angles`` [deg] and ``efforts`` [N m] are those after each step."""
+    """An arm, at rest at first; ``angles`` [deg] and ``efforts`` [N m] are recorded after each step."""
 
     world: World
     actuators: JointEffortController
@@ -69,22 +69,22 @@ class ArmSimulation:
 
     @property
     def angle(self) -> float:
-        """Of the joint, deg."""
+        """The joint's angle [deg]."""
         return math.degrees(self.world.body("arm").joint_readings().position[0])
 
     @property
     def rate(self) -> float:
-        """Of the joint, rad/s."""
+        """The joint's velocity [rad/s]."""
         return self.world.body("arm").joint_readings().velocity[0]
 
     def apply_effort(self, effort: float, duration: float = JOB_S) -> None:
-        """A job that begins now."""
+        """Add an effort job that starts now."""
         self.actuators.add_job(
             JointEffort(joint_name=JOINT, effort=effort, duration=duration), self.step * self.step_ns
         )
 
     def run(self, seconds: float) -> None:
-        """Let time go on."""
+        """Advance the simulation by ``seconds``."""
         for _ in range(round(seconds * 1e9 / self.step_ns)):
             self.actuators.step(self.step * self.step_ns)
             self.world.step()
@@ -93,7 +93,7 @@ class ArmSimulation:
             self.efforts.append(self.actuators.applied_efforts[JOINT])
 
     def control(self, law: TutorialPid, reference: Callable[[float], float], rate: int, seconds: float) -> list[float]:
-        """Control at ``rate`` [Hz] toward ``reference`` [deg] of the time [s]; returns the errors [deg] that it saw."""
+        """Control at ``rate`` [Hz] towards ``reference`` [deg], a function of time [s]; return the errors [deg]."""
         errors = []
         for _ in range(round(seconds * rate)):
             errors.append(reference(self.step * self.step_ns / 1e9) - self.angle)
@@ -112,7 +112,7 @@ def arm_simulation(
     step_ns: int = STEP_NS,
     engine: Engine | None = None,
 ) -> Iterator[ArmSimulation]:
-    """An arm whose joint stands at ``start`` [deg]."""
+    """Yield an arm at rest with its joint at ``start`` [deg]."""
     with open_world(engine or default_engine(), WorldDescription(), step_ns) as world:
         at = ((JOINT, math.radians(start)),)
         resists = ((JOINT, JointFriction(damping, friction)),)

@@ -1,4 +1,4 @@
-"""An empty world in each of the engines that there are, and robots in it."""
+"""An empty world in each installed physics engine, and robots in it."""
 
 from __future__ import annotations
 

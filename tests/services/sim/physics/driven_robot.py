@@ -1,4 +1,4 @@
-"""Robots of this project to be driven as ``services.sim.driving_trial`` drives them."""
+"""Robots of this project, to be driven with ``services.sim.driving_trial``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def robot_body(name: str, model: str, placement: Pose3) -> Body:
 
 
 Spawner = Callable[..., DrivenRobot]
-"""Puts a robot into the world of a test: name, model, placement, whether speeds are clamped."""
+"""Spawns a robot in a test's world: name, model, placement, whether speeds are clamped."""
 
 NewWorld = Callable[[WorldDescription], AbstractContextManager[World]]
-"""Opens a world in the engine of a test."""
+"""Opens a world in a test's engine."""

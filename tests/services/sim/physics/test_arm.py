@@ -1,4 +1,4 @@
-"""The arm in both engines: gravity, inertia and period against theory, its stops, and what its joint resists."""
+"""The arm in both engines: gravity, inertia and period compared with theory, its stops, and joint friction."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Theory:
         self.amplitude, self.offset = GRAVITY * math.hypot(x, y), math.atan2(x, -y)
 
     def period(self, swing: float) -> float:
-        """Of a swing to ``swing`` [rad] on each side of rest, s: T = T0 / agm(1, cos(swing / 2))."""
+        """Return the period [s] of an amplitude ``swing`` [rad]: T = T0 / agm(1, cos(swing / 2))."""
         one, other = 1.0, math.cos(swing / 2)
         for _ in range(10):
             one, other = (one + other) / 2, math.sqrt(one * other)
@@ -35,7 +35,7 @@ class Theory:
 
 
 def acceleration(on: ArmSimulation, degrees: float, effort: float) -> float:
-    """Of the joint, rad/s2, from rest at an angle."""
+    """Return the joint's acceleration [rad/s2] from rest at an angle, under an effort [N m]."""
     on.world.set_joints("arm", {JOINT: math.radians(degrees)})
     on.world.body("arm").set_efforts({JOINT: effort})
     on.world.step()
@@ -103,7 +103,7 @@ def test_dry_friction_holds_what_is_below_it(engine: Engine) -> None:
 @pytest.mark.parametrize("effort", [100.0, 200.0, 1000.0])
 @pytest.mark.parametrize("model", ARMS)
 def test_the_stops_hold(model: Literal["arm", "arm_corrected"], effort: float, engine: Engine) -> None:
-    """What is thrown past a stop within one step comes back to it under the same effort."""
+    """A joint that overshoots a stop within one step returns to it under the same effort."""
     with arm_simulation(model, engine=engine) as on:
         on.apply_effort(effort, 5.0)
         on.run(5.0)

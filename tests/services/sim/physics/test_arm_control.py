@@ -1,4 +1,4 @@
-"""The tutorial's laws on the arm: one job at a time, and jobs that add up, as Gazebo promises and as Gazebo does."""
+"""The tutorial's laws on the arm: one job at a time, and jobs that add up, as documented by and as done in Gazebo."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.services.sim.physics.arm_simulation import arm_simulation, set_point_
 from tests.services.sim.physics.driven_robot import DT
 
 RATES = (50, 100, 200)
-"""Hz."""
+"""Control rates [Hz]."""
 SUM = EffortRule("sum", "each", "unspecified")
 GAZEBO = EffortRule("sum", "each", "gazebo")
 
@@ -24,7 +24,7 @@ def step(_: float) -> float:
 
 @pytest.mark.parametrize("rate", RATES)
 def test_a_step_with_one_job_at_a_time(rate: int, engine: Engine) -> None:
-    """The PD is off by what gravity asks for: 14.02 N m over 37.5 N m per degree."""
+    """The PD's steady error is that of gravity: 14.02 N m over 37.5 N m per degree."""
     with arm_simulation(engine=engine) as on:
         on.control(set_point_pid(), step, rate, 2.0)
     low, high = (next(i for i, angle in enumerate(on.angles) if angle >= share * 29.63) for share in (0.1, 0.9))
@@ -63,8 +63,10 @@ def test_they_settle_where_a_velocity_of_0_is_a_limit(rate: int, engine: Engine)
 
 
 def test_they_ripple_where_each_physics_step_brings_another_job(engine: Engine) -> None:
-    """At 200 Hz and 5 ms the rule is asked once a job, and what brakes has turned the motion around when it is asked
-    again. The ripple is held by each job's saturation: about the set-point, as wide after half a minute as before."""
+    """At 200 Hz and 5 ms the rule decides once per job, and a braking effort has reversed the motion by its next
+    decision. Each job's saturation bounds the ripple: it stays about the set point, as wide after half a minute as at
+    first.
+    """
     with arm_simulation(rule=GAZEBO, engine=engine) as on:
         on.control(set_point_pid(), step, 200, 32.0)
     windows = [on.angles[begin : begin + 800] for begin in range(800, 6400, 800)]
@@ -79,7 +81,7 @@ def test_they_ripple_where_each_physics_step_brings_another_job(engine: Engine) 
 
 @pytest.mark.parametrize(("rate", "rests"), [(100, 29.927), (200, 29.963)])
 def test_they_do_not_ripple_at_the_step_of_gazebo(rate: int, rests: float, engine: Engine) -> None:
-    """1 ms: what the original shows at 200 Hz, where a job meets five decisions of the rule."""
+    """At steps of 1 ms, as the original does at 200 Hz, where the rule decides five times per job."""
     with arm_simulation(rule=GAZEBO, step_ns=1_000_000, engine=engine) as on:
         on.control(set_point_pid(), step, rate, 8.0)
     assert max(abs(angle - rests) for angle in on.angles[-2000:]) < 0.01
@@ -95,7 +97,7 @@ def test_the_clamp_on_the_total_does_not_make_the_sum_stable(engine: Engine) -> 
 def test_a_controller_that_falls_silent_lets_go_after_its_last_job(engine: Engine) -> None:
     with arm_simulation(engine=engine) as on:
         on.control(set_point_pid(), step, 100, 1.0)
-        held = on.step - 2  # the last job began when the last turn did
+        held = on.step - 2  # the last job started with the last control turn
         on.run(1.0)
     acting = [number for number, effort in enumerate(on.efforts) if effort]
     assert acting[-1] == held + 20, "0.1 s, both ends included"

@@ -1,4 +1,4 @@
-"""What is read of all bodies at once is what each of them says by itself, bit for bit."""
+"""Reading all bodies at once gives the same as reading each alone, bit for bit."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def _crowd() -> list[Body]:
 
 
 def _run(world: World, steps: int = 500) -> Trajectory:
-    """Drive into each other, so that contacts count, too."""
+    """Drive robots into each other, so that contacts matter."""
     states = []
     for step in range(steps):
         if step == 20:

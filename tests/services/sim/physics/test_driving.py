@@ -52,7 +52,7 @@ def test_without_the_clamp_the_tutorial_speed_is_driven(spawn: Spawner) -> None:
 
 @pytest.mark.parametrize(("braking", "deceleration"), [(False, 1.0), (True, 2.0)])
 def test_the_stop_distance_is_that_of_the_ramp(spawn: Spawner, braking: bool, deceleration: float) -> None:
-    """v^2 / 2a; a ramp in steps of dt ends v dt / 2 earlier or later."""
+    """The distance is v^2 / 2a; a ramp in steps of dt ends v dt / 2 earlier or later."""
     robot = spawn()
     start = drive_robots([robot], 0.22, 0.0, 2.0)[-1]
     stop = drive_robots([robot], 0.0, 0.0, 1.0, braking=braking)[-1]

@@ -1,4 +1,4 @@
-"""Rays meet the same with what they cannot meet left out of the model."""
+"""Rays hit the same when geoms that they can't reach are left out of the model."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from services.sim.physics.mujoco_rays import RayModel
 from services.sim.physics.mujoco_scene import SEEN_GROUPS
 
 FAR = 2.0
-"""m"""
+"""Range of the rays [m]."""
 
 
 def cast(model: mujoco.MjModel, data: mujoco.MjData, origin: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far a turn of rays in the plane gets, m; inf beyond ``FAR``."""
+    """Cast a full turn of rays in the plane; return the distances [m], inf beyond ``FAR``."""
     angles = np.linspace(-np.pi, np.pi, 721)
     rays = np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=1).ravel()
     hit, distance = np.empty(len(angles), np.int32), np.empty(len(angles))

@@ -1,4 +1,4 @@
-"""What MuJoCo finds around it: libraries for pictures, and a place for its warnings."""
+"""MuJoCo's environment: OpenGL libraries for rendering, and the destination of its warnings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_without_an_opengl_library_the_message_says_what_to_install(monkeypatch:
 
 
 def test_after_a_library_that_does_not_work_the_next_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """PyOpenGL binds itself to the first."""
+    """PyOpenGL would stay bound to the first."""
     tried = []
 
     def fail(name: str) -> object:

@@ -1,4 +1,4 @@
-"""The Pioneer drives as commanded, and whatever it pushes or grazes cannot lift or roll it."""
+"""The Pioneer drives as commanded, and no obstacle that it pushes or grazes lifts or rolls it."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ pytestmark = pytest.mark.slow
 
 WHEELS = wheels_of(read_model("p3dx"))
 FRONT, SIDE = 0.175, 0.19
-"""How far the robot reaches from the middle of its axle, m."""
+"""The robot's extent from the middle of its axle [m]."""
 
 
 def tilt(states: list[BodyState]) -> float:
-    """The largest angle from the upright, degrees."""
+    """Return the largest tilt from the vertical [deg]."""
     return max(math.degrees(2 * math.asin(math.hypot(*state.orientation[:2]))) for state in states)
 
 
 def roll_of(state: BodyState) -> float:
-    """Degrees."""
+    """Return the roll angle [deg]."""
     x, y, z, w = state.orientation
     return math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
 
@@ -80,7 +80,7 @@ def test_an_arc_within_a_thousandth(spawn: Spawner) -> None:
 
 
 def test_a_dead_stop_does_not_tip_it(spawn: Spawner) -> None:
-    """The motors' torque limits what a driver without a ramp can do."""
+    """The motors' torque limits the deceleration without a ramp."""
     robot = spawn(model="p3dx")
     drive_robots([robot], 0.75, 0.0, 4.0)
     robot.drive = replace(robot.drive, ramp=WheelRamp())
@@ -92,14 +92,14 @@ CRASHES = [
     for number, degrees in enumerate((0, 10, 30, 45, 60, 75, 80, 85, 88))
     for either in (((0.75, 1.0), (1.2, 0.1)) if number % 2 else ((1.2, 1.0), (0.75, 0.1)))
 ]
-"""Angles, speeds and heights of walls: each two values of them meet."""
+"""Angles, speeds and wall heights: every pair of values occurs."""
 
 
 @pytest.mark.parametrize(("degrees", "speed", "height"), CRASHES)
 def test_a_wall_is_pushed_and_grazed_on_all_wheels(
     degrees: float, speed: float, height: float, new_world: NewWorld
 ) -> None:
-    """``degrees`` is the angle to the wall's normal: 0 runs into it, 88 slides along it."""
+    """``degrees`` is the angle to the wall's normal: 0 is head-on, 88 slides along it."""
     angle = math.radians(degrees)
     reach = max(FRONT * math.cos(angle) + SIDE * math.sin(angle), SIDE)
     states = _against_a_wall(new_world, placement_at(1.0 - reach - 1.2 * math.cos(angle), 0.0, angle), speed, height)
@@ -125,7 +125,7 @@ def test_a_lower_robot_meets_the_fenders_and_gets_under_nothing(spawn: Spawner, 
 
 
 def _bumps_and_stays_down(states: list[BodyState]) -> None:
-    """A crash may nod the robot; it must not roll it, and in the end all wheels are on the ground."""
+    """Assert that a crash at most pitches the robot, doesn't roll it, and leaves all wheels on the ground."""
     assert tilt(states) < 3.5
     assert lift(states) < 3e-3
     assert max(abs(roll_of(state)) for state in states) < 0.5
@@ -134,7 +134,7 @@ def _bumps_and_stays_down(states: list[BodyState]) -> None:
 
 
 def _against_a_wall(new_world: NewWorld, at: Pose3, speed: float, height: float) -> list[BodyState]:
-    """Five seconds of driving against a wall whose face is the plane x = 1 m."""
+    """Drive for five seconds against a wall whose face is the plane x = 1 m."""
     wall = Box(name="wall", size=(0.2, 40.0, height), position=(1.1, 0.0, height / 2))
     with new_world(WorldDescription(boxes=(wall,))) as world:
         world.spawn(robot_body("robot", "p3dx", at))

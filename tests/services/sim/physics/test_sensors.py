@@ -31,7 +31,7 @@ def laser_of(model: str) -> LaserConfig:
 
 
 def scan_of(world: World, robot: str, laser: LaserConfig, noise: NDArray[np.float64] | None = None) -> LaserScan:
-    """A turn of the laser of one robot."""
+    """Return a scan of one robot's laser."""
     return laser_scan(laser, laser_ranges(world, [robot], laser, [noise])[0], HEADER)
 
 
@@ -130,7 +130,7 @@ def test_an_inertial_unit_feels_gravity_the_ramp_and_the_turn(spawn: Spawner, wo
     offset = Pose3((-0.032, 0.0, 0.078))
 
     def readings(states: Sequence[BodyState]) -> NDArray[np.float64]:
-        """Turn rate and specific force, two steps after each but the last two of the states."""
+        """Return turn rate and specific force over two steps, for all states but the first two."""
         poses = [Pose3(each.position, each.orientation) @ offset for each in states[2:]]
         before, now = (np.array([each.numbers for each in part]) for part in (states[:-2], states[2:]))
         exact = np.zeros((len(now), 6))

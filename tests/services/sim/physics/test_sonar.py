@@ -1,4 +1,4 @@
-"""Sonars in both engines against distances worked out by hand, and what the simulation publishes of them."""
+"""Sonars in both engines compared with computed distances, and the simulation's messages of them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ assert FIGURES is not None
 RING: SonarRing = sonar_ring("p3dx", FIGURES)
 HEIGHT, HALF = 0.2115, math.radians(15)
 BETWEEN = 1.0015
-"""The nearest point of a surface lies up to 3 degrees from a ray: 1 / cos(3 deg)."""
+"""Tolerance: a surface's nearest point is up to 3 degrees from a ray, 1 / cos(3 deg)."""
 
 
 def heard(new_world: NewWorld, *boxes: Box, yaw: float = 0.0, x: float = 0.0, y: float = 0.0) -> Floats:
@@ -47,12 +47,12 @@ def heard(new_world: NewWorld, *boxes: Box, yaw: float = 0.0, x: float = 0.0, y:
 
 
 def wall(height: float = 1.0) -> Box:
-    """Its face is the plane x = 2 m."""
+    """Return a wall whose face is the plane x = 2 m."""
     return Box(name="wall", size=(0.2, 40.0, height), position=(2.1, 0.0, height / 2))
 
 
 def to_the_wall(yaw: float, half: float = HALF) -> Floats:
-    """The distances to the plane x = 2 m along the ray of each cone that is nearest to its normal."""
+    """Return the distances to the plane x = 2 m along each cone's ray nearest to its normal."""
     c, s = math.cos(yaw), math.sin(yaw)
     ahead = 2.0 - (RING.positions[:, 0] * c - RING.positions[:, 1] * s)
     headings = yaw + np.arctan2(RING.axes[:, 1], RING.axes[:, 0])
@@ -78,7 +78,7 @@ def test_nothing_is_heard_of_the_ground_and_of_the_robot_itself(new_world: NewWo
 
 
 def test_what_is_lower_than_the_sonars_is_heard_once_the_cone_has_come_down_to_it(new_world: NewWorld) -> None:
-    """A cone reaches down to 0.10 m at a distance of 0.1115 m / tan(15 deg)."""
+    """A cone's lower edge reaches a height of 0.10 m at a distance of 0.1115 m / tan(15 deg)."""
     near = (HEIGHT - 0.10) / math.tan(HALF)
     low = Box(name="low", size=(0.2, 2.0, 0.10), position=(1.1, 0.0, 0.05))
     far = heard(new_world, low, x=1.0 - 0.166 - near - 0.1)
@@ -100,7 +100,7 @@ def test_each_sonar_hears_the_post_before_it_and_no_other(new_world: NewWorld) -
 
 
 def test_the_boxes_of_the_arena_from_its_middle(new_world: NewWorld) -> None:
-    """Facing the north wall, whose face is y = 4 m, with the green box ahead on the left and the blue one behind."""
+    """The robot faces the north wall, at y = 4 m, with the green box ahead on the left and the blue one behind."""
     with new_world(read_world("arena")) as world:
         world.spawn(robot_body("robot", "p3dx", placement_at(0.0, 0.0, math.pi / 2)))
         world.step()
@@ -113,7 +113,7 @@ def test_the_boxes_of_the_arena_from_its_middle(new_world: NewWorld) -> None:
 
 
 def test_too_near_and_too_far(new_world: NewWorld) -> None:
-    """Sonar 3 is 0.166 m ahead of the axle; PyBullet's ray from a body to a wall 0.06 m away."""
+    """Sonar 3 is 0.166 m ahead of the axle; at 0.06 m from the wall its reading is -inf."""
     assert heard(new_world, wall(), x=2.0 - 0.166 - 0.06)[3] == -np.inf
     assert heard(new_world, wall(), x=2.0 - 0.166 - 0.12)[3] == pytest.approx(0.12, abs=2e-3)
     assert heard(new_world, wall(), x=2.0 - 0.166 - 4.9)[3] == pytest.approx(4.9, rel=2e-3)

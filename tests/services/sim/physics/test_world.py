@@ -1,4 +1,4 @@
-"""What the world rejects, moves and reports."""
+"""The world in both engines: rejected spawns, moved bodies, and reported states and contacts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies of a world in both engines: seen, felt, pushed, moving by themselves, and repeatable."""
+"""Bodies of a world in both engines: visible, solid, pushable, moving on paths, and repeatable."""
 
 import math
 
@@ -22,7 +22,7 @@ CORNER = Mesh(
     np.array([(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 0, 1), (2, 0, 1), (2, 2, 1)], np.float64),
     np.array([(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)], np.int32),
 )
-"""Two walls at a right angle, along y = 0 and x = 2: its convex hull would fill the corner."""
+"""Two walls at a right angle, along y = 0 and x = 2; their convex hull would fill the corner."""
 
 
 def body(name: str, shape: object, *place: float, **more: object) -> WorldBody:
@@ -36,7 +36,7 @@ def burger(name: str = "robot", *place: float) -> Body:
 
 
 def slope(rows: int = 41) -> HeightMapShape:
-    """4 m by 4 m that rise along x from 0 to 0.4 m."""
+    """Return a height map of 4 m by 4 m that rises along x from 0 to 0.4 m."""
     return HeightMapShape(np.tile(np.linspace(0, 0.4, rows), (rows, 1)), (4.0, 4.0))
 
 
@@ -135,11 +135,11 @@ def test_what_starts_inside_something_is_told(new_world: NewWorld) -> None:
 
 
 def test_a_thrown_body_of_several_parts_spins_about_its_centre_of_mass(new_world: NewWorld) -> None:
-    """A hammer: its heavy head lies 0.9 m from its origin; thrown without a spin of its own, its centre flies on."""
+    """A hammer with its head 0.9 m from its origin turns about its centre of mass, which starts at rest and falls."""
     parts = BodyPart(BoxShape((1.0, 0.1, 0.1))), BodyPart(BoxShape((0.2, 0.5, 0.5)), Pose3((0.9, 0.0, 0.0)))
     hammer = WorldBody("hammer", parts, Pose3((0.0, 0.0, 20.0)), mass=3.0)
     with new_world(WorldDescription(bodies=(hammer,))) as on:
-        centre = 0.9 * 0.05 / 0.06  # by their volumes, 0.01 and 0.05 m3
+        centre = 0.9 * 0.05 / 0.06  # weighted by volume, 0.01 and 0.05 m3
         start = BodyState((0, 0, 20), (0, 0, 0, 1), (0, -2.0 * centre, 0), (0, 0, 2.0))
         on.set_state("hammer", start)
         for kept, wanted in zip(on.world_body_state("hammer"), start, strict=True):

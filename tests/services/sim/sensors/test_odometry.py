@@ -1,4 +1,4 @@
-"""Odometry as messages."""
+"""Odometry messages."""
 
 from __future__ import annotations
 

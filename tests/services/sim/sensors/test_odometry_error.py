@@ -1,4 +1,4 @@
-"""The odometry of a TurtleBot drifts as a real one's does: a seeded error of its wheels' figures, and nothing else."""
+"""The odometry of a TurtleBot drifts like a real one's, only through a seeded error of its wheel geometry."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def planar(message: Odometry) -> Pose2:
 
 
 def loop(world: SimulationHarness) -> tuple[Pose2, Pose2]:
-    """Turn by 3 rad and drive 1 m; where the robot is, and where it believes to be."""
+    """Turn by 3 rad and drive 1 m; return the true pose and that of odometry."""
     world.drive(0.0, 1.5, 2.0)
     world.drive(0.2, 0.0, 5.0)
     return planar(world.truth()), planar(world.latest(ODOM))
@@ -112,7 +112,7 @@ def test_the_draws_belong_to_robot_and_seed() -> None:
 
 
 def square_error(geometry: WheelGeometry, error: OdometryError, side: float = 4.0) -> float:
-    """UMBmark: how far from its start a robot believes to be that has driven a perfect square, m."""
+    """Return UMBmark's error: the distance [m] from the start that odometry gives after a perfect square."""
     believed, assumed, left, right = initial_odometry(0.0, 0.0), assumed_geometry(geometry, error), 0.0, 0.0
     for _ in range(4):
         for ahead, turn in ((side, 0.0), (0.0, math.pi / 2)):

@@ -1,4 +1,4 @@
-"""Odometry over time: what it counts, how often it is told, and where it can be put."""
+"""Odometry over time: accuracy, rate, and setting its pose."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ELSEWHERE = Pose3((3.0, -2.0, 0.0), (0.0, 0.0, math.sin(HALF), math.cos(HALF)))
 
 
 def chained(world: SimulationHarness) -> tuple[float, float, float]:
-    """Where the robot is in the world by ``/tf_static`` (world to odom) and odometry."""
+    """Return the robot's pose in the world from ``/tf_static`` (world to odom) and odometry."""
     static = Subscriber(TF_STATIC, "/tf_static", "tf_static", world.node.transport)
     static.update()
     frames = {each.child_frame_id: each.transform for each in static.messages[-1][0].transforms}
@@ -183,10 +183,10 @@ def test_the_transform_of_odometry_can_be_switched_off() -> None:
 
 
 def test_frames_and_topics_are_those_of_a_configured_controller() -> None:
-    """As ``odom_frame_id``, ``base_frame_id`` and the name of a ``diff_drive_controller`` say, behind the prefix."""
+    """As given by ``odom_frame_id``, ``base_frame_id`` and a ``diff_drive_controller``'s name, after the prefix."""
 
     def tree(world: SimulationHarness) -> dict[str, str]:
-        """The parents of the frames."""
+        """Return the parent of each frame."""
         found = {}
         for topic, name in ((TF_STATIC, "tf_static"), (TF, "tf")):
             frames = Subscriber(topic, f"/{name}", name, world.node.transport, latched=True)
