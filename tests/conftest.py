@@ -15,6 +15,8 @@ from hypothesis import HealthCheck, settings
 
 from deploy.bench.figures import FIGURE_PROPERTY, Figure
 from tests.harness.orphans import no_orphans
+from tests.scheduling import pytest_configure_node as pytest_configure_node
+from tests.scheduling import pytest_xdist_make_scheduler as pytest_xdist_make_scheduler
 from tests.tiers import pytest_collection_modifyitems as pytest_collection_modifyitems
 from tests.tiers import pytest_configure as pytest_configure
 from tests.tiers import pytest_make_collect_report as pytest_make_collect_report

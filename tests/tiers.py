@@ -22,6 +22,7 @@ from typing import Any
 import pytest
 
 from services.sim.engines import PYBULLET_PACKAGES, has_engine
+from tests.scheduling import lower_priority_of_session, report_files_without_processes
 
 MARKERS = {
     "quick": "no process, no socket, at most a second or so; given to every test without another marker",
@@ -180,7 +181,8 @@ def _note_zenoh(patch: pytest.MonkeyPatch, watch: QuickTestWatch) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the markers."""
+    """Register the markers, and give way to the other tests in the process of low priority."""
+    lower_priority_of_session(config)
     for name, about in MARKERS.items():
         config.addinivalue_line("markers", f"{name}: {about}")
 
@@ -198,7 +200,7 @@ def pytest_make_collect_report(
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Add every test's markers before ``-m`` selects among them, and sort files with long tests first, so that no
     worker is left alone with one at the end.
     """
@@ -215,6 +217,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         rank = next(rank for rank, each in enumerate(_LONGEST_FIRST) if item.get_closest_marker(each))
         longest[item.path] = min(rank, longest.get(item.path, rank))
     items.sort(key=lambda item: longest[item.path])
+    slow = _LONGEST_FIRST.index("slow")
+    report_files_without_processes(config, [path for path, rank in longest.items() if rank >= slow])
 
 
 @pytest.hookimpl(wrapper=True)

@@ -34,6 +34,9 @@ def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -
 _MOST = 8
 """Maximum number of parallel tests, one per processor: many of them run a fleet of a dozen processes."""
 
+_NICE = 5
+"""Priority of the process in the background: a third of what another gets, so it goes on beside a busy machine, too."""
+
 _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "--capture", "--co", "--collect-only")
 """Pytest options that set the number of processes, or whose output needs a single process."""
 
@@ -50,7 +53,7 @@ def test_command(arguments: tuple[str, ...]) -> None:
     arguments = tuple(path_from(each, Path.cwd()) for each in arguments)
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    beside = parallel_arguments(arguments, len(os.sched_getaffinity(0)))
+    beside = parallel_arguments(arguments, len(os.sched_getaffinity(0)), background=True)
     if not any(each.startswith("-m") for each in arguments) and not are_of_others(arguments):
         beside += ["-m", "not bench"]
     os.execve(sys.executable, [sys.executable, "-P", "-m", "pytest", *beside, *arguments], environment)
@@ -70,17 +73,19 @@ def are_of_others(arguments: Sequence[str]) -> bool:
     return bool(there) and not any(each == ROOT or each.is_relative_to(ROOT / "tests") for each in there)
 
 
-def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
+def parallel_arguments(arguments: Sequence[str], processors: int, background: bool = False) -> list[str]:
     """Return pytest's additional arguments for a number of CPUs; none if the tests run one by one.
 
-    The tests of a file stay together, since they share what they start.
+    The tests of a file stay together, since they share what they start. With ``background``, one process more runs at
+    low priority the tests that start no processes, while the others wait for theirs.
     """
     chosen = any(each.startswith("-n") or each.partition("=")[0] in _SERIAL_OPTIONS for each in arguments)
     named = [Path(each.partition("::")[0]) for each in arguments if not each.startswith("-")]
     files = [each for each in named if each.suffix == ".py"]
     if chosen or "no:xdist" in " ".join(arguments) or (files and not any(each.is_dir() for each in named)):
         return []
-    return ["-n", str(min(_MOST, processors)), "--dist", "loadfile", "--no-loadscope-reorder"]
+    workers = ["--tx", f"{min(_MOST, processors)}*popen", *(["--tx", f"popen//nice={_NICE}"] if background else [])]
+    return [*workers, "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
 @click.command("bench")

@@ -9,7 +9,7 @@ import pytest
 from deploy.commands.diagnostics import are_of_others, parallel_arguments, path_from
 from services.runtime.process import ROOT
 
-TWO = ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
+TWO = ["--tx", "2*popen", "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,8 @@ TWO = ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
 )
 def test_whole_folders_run_several_at_a_time(arguments: list[str]) -> None:
     assert parallel_arguments(arguments, 2) == TWO
-    assert parallel_arguments(arguments, 64)[1] == "8"
+    assert parallel_arguments(arguments, 64)[1] == "8*popen"
+    assert parallel_arguments(arguments, 2, background=True) == [*TWO[:2], "--tx", "popen//nice=5", *TWO[2:]]
 
 
 @pytest.mark.parametrize(
