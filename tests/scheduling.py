@@ -1,12 +1,14 @@
-"""Distributes the test files to pytest's processes: one for each processor, and one of low priority beside them.
+"""Distributes the test files to pytest's processes: one for each processor, and one in the background.
 
-Tests that start fleets wait a third of their time, for processes, leases and clocks. The process of low priority
-computes meanwhile: it runs only files in which no test starts a process, so that never more fleets run at once than
-there are processors, and it yields to them. ``./elea test`` asks for it with ``--tx popen//nice=5``.
+Tests that start fleets wait a third of their time, for processes, leases and clocks. The process in the background uses
+that time. It runs files of which every test waits for nearly all of its time (marker ``waits``), then, at low priority,
+files in which no test starts a process. So no more fleets compute at once than there are processors. ``./elea test``
+asks for it with ``--tx popen//id=background``.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import tempfile
@@ -20,55 +22,63 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadFileScheduling, Scheduling
 from xdist.workermanage import WorkerController
 
-_FILES = "files_without_processes"
-"""The key under which a worker finds the path of the file for its report."""
+BACKGROUND = "background"
+"""The identifier of the process in the background."""
+_NICE = 5
+"""Its priority while it computes: a third of what others get, so that it goes on beside a busy machine, too."""
 _AUTOGROUP = Path("/proc/self/autogroup")
 """Linux shares the processors among sessions first; the priority of a process counts within its session."""
+_REPORT = "background_files"
+"""The key under which a worker finds the path of the file for its report."""
 
 
-def report_files_without_processes(config: pytest.Config, files: Iterable[Path]) -> None:
-    """Tell the scheduler, which collects nothing itself, the files in which no test starts a process."""
-    given = getattr(config, "workerinput", {}).get(_FILES)
-    if given:
-        names = [file.relative_to(config.rootpath).as_posix() for file in files]
-        Path(given).write_text(json.dumps(names))  # each worker has a file of its own
+def report_background_files(config: pytest.Config, files: Iterable[Path]) -> None:
+    """Report the files for the background, in order, to the scheduler, whose process collects no tests."""
+    if report := getattr(config, "workerinput", {}).get(_REPORT):
+        Path(report).write_text(json.dumps([file.relative_to(config.rootpath).as_posix() for file in files]))
 
 
-def lower_priority_of_session(config: pytest.Config) -> None:
-    """In the worker of low priority, put it and what it starts behind all others of this machine."""
-    if hasattr(config, "workerinput") and (nice := os.nice(0)) > 0:
-        with suppress(OSError):
-            os.setsid()
-            _AUTOGROUP.write_text(str(nice))
+def yield_to_fleets(config: pytest.Config) -> None:
+    """Lower the priority of the process in the background before it computes; no effect in others."""
+    if getattr(config, "workerinput", {}).get("workerid") == BACKGROUND:
+        _lower_priority()
+
+
+@functools.cache
+def _lower_priority() -> None:
+    os.nice(_NICE)
+    with suppress(OSError):  # a kernel without such groups
+        os.setsid()
+        _AUTOGROUP.write_text(str(_NICE))
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: WorkerController) -> None:
     """Name the file for the worker's report."""
     folder = node.config.stash.setdefault(_FOLDER, tempfile.TemporaryDirectory(prefix="elea-scheduling-"))
-    node.workerinput[_FILES] = str(Path(folder.name) / node.gateway.id)
+    node.workerinput[_REPORT] = str(Path(folder.name) / node.gateway.id)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Scheduling | None:
-    """Replace the distribution by files where one process has a low priority."""
-    has_background = any("nice=" in each for each in config.getvalue("tx"))
-    return BackgroundScheduling(config, log) if has_background and config.getvalue("dist") == "loadfile" else None
+    """Replace the distribution by files where there is a process in the background."""
+    asked = any(each.endswith(f"id={BACKGROUND}") for each in config.getvalue("tx"))
+    return BackgroundScheduling(config, log) if asked and config.getvalue("dist") == "loadfile" else None
 
 
 _FOLDER = pytest.StashKey[tempfile.TemporaryDirectory[str]]()
 
 
 class BackgroundScheduling(LoadFileScheduling):
-    """Distributes by files; the process of low priority gets only files that ``report_files_without_processes`` named.
+    """Distributes by files; the process in the background gets only those that ``report_background_files`` names.
 
-    The others take those last.
+    The others take these last.
     """
 
     def add_node_collection(self, node: WorkerController, collection: Any) -> None:
         """Take a worker's collection and its report."""
         super().add_node_collection(node, collection)
-        self._computing = set(json.loads(Path(node.workerinput[_FILES]).read_text()))
+        self._background = list[str](json.loads(Path(node.workerinput[_REPORT]).read_text()))
 
     def _assign_work_unit(self, node: WorkerController) -> None:
         file = self._next_file(node)
@@ -86,6 +96,7 @@ class BackgroundScheduling(LoadFileScheduling):
 
     def _next_file(self, node: WorkerController) -> str | None:
         """Return the next file for a worker, None if there is no more."""
-        in_background = node.gateway.spec.nice is not None
-        fitting = (each for each in self.workqueue if (each in self._computing) == in_background)
-        return next(fitting, None if in_background else next(iter(self.workqueue), None))
+        background = [each for each in self._background if each in self.workqueue]
+        if node.gateway.id == BACKGROUND:
+            return next(iter(background), None)
+        return next((each for each in self.workqueue if each not in background), next(iter(self.workqueue), None))

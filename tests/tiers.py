@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import types
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from services.sim.engines import PYBULLET_PACKAGES, has_engine
-from tests.scheduling import lower_priority_of_session, report_files_without_processes
+from tests.scheduling import report_background_files, yield_to_fleets
 
 MARKERS = {
     "quick": "no process, no socket, at most a second or so; given to every test without another marker",
@@ -32,6 +32,8 @@ MARKERS = {
     "browser": "drives a browser; given by what the test reaches",
     "bench": "measures speed against a bound: ./elea bench runs it, ./elea test does not",
 }
+
+_WAITS = "waits: the tests of this file wait for most of their time, for leases, clocks or keys; they run beside others"
 
 _LONGEST_FIRST = ("fleet", "bench", "browser", "process", "slow", "quick")
 
@@ -181,10 +183,9 @@ def _note_zenoh(patch: pytest.MonkeyPatch, watch: QuickTestWatch) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the markers, and give way to the other tests in the process of low priority."""
-    lower_priority_of_session(config)
-    for name, about in MARKERS.items():
-        config.addinivalue_line("markers", f"{name}: {about}")
+    """Register the markers."""
+    for each in (*(f"{name}: {about}" for name, about in MARKERS.items()), _WAITS):
+        config.addinivalue_line("markers", each)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -217,13 +218,22 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         rank = next(rank for rank, each in enumerate(_LONGEST_FIRST) if item.get_closest_marker(each))
         longest[item.path] = min(rank, longest.get(item.path, rank))
     items.sort(key=lambda item: longest[item.path])
+    report_background_files(config, _background_files(items, longest))
+
+
+def _background_files(items: Iterable[pytest.Item], longest: Mapping[Path, int]) -> list[Path]:
+    """Return the files whose tests all wait, then those whose tests start no process."""
+    busy = {item.path for item in items if not item.get_closest_marker("waits")}
     slow = _LONGEST_FIRST.index("slow")
-    report_files_without_processes(config, [path for path, rank in longest.items() if rank >= slow])
+    return [path for path in longest if path not in busy] + [path for path in longest if longest[path] >= slow]
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
     """Run a quick test under ``watch_quick_test``."""
+    computes = item.get_closest_marker("quick") or item.get_closest_marker("slow")
+    if computes and not item.get_closest_marker("waits"):
+        yield_to_fleets(item.config)
     if item.get_closest_marker("quick") is None:
         yield
         return

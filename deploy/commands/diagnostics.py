@@ -34,9 +34,6 @@ def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -
 _MOST = 8
 """Maximum number of parallel tests, one per processor: many of them run a fleet of a dozen processes."""
 
-_NICE = 5
-"""Priority of the process in the background: a third of what another gets, so it goes on beside a busy machine, too."""
-
 _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "--capture", "--co", "--collect-only")
 """Pytest options that set the number of processes, or whose output needs a single process."""
 
@@ -76,15 +73,15 @@ def are_of_others(arguments: Sequence[str]) -> bool:
 def parallel_arguments(arguments: Sequence[str], processors: int, background: bool = False) -> list[str]:
     """Return pytest's additional arguments for a number of CPUs; none if the tests run one by one.
 
-    The tests of a file stay together, since they share what they start. With ``background``, one process more runs at
-    low priority the tests that start no processes, while the others wait for theirs.
+    The tests of a file stay together, since they share what they start. With ``background``, one process more uses the
+    time in which the others wait (``tests/scheduling.py``).
     """
     chosen = any(each.startswith("-n") or each.partition("=")[0] in _SERIAL_OPTIONS for each in arguments)
     named = [Path(each.partition("::")[0]) for each in arguments if not each.startswith("-")]
     files = [each for each in named if each.suffix == ".py"]
     if chosen or "no:xdist" in " ".join(arguments) or (files and not any(each.is_dir() for each in named)):
         return []
-    workers = ["--tx", f"{min(_MOST, processors)}*popen", *(["--tx", f"popen//nice={_NICE}"] if background else [])]
+    workers = ["--tx", f"{min(_MOST, processors)}*popen", *(["--tx", "popen//id=background"] if background else [])]
     return [*workers, "--dist", "loadfile", "--no-loadscope-reorder"]
 
 

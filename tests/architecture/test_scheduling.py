@@ -1,4 +1,4 @@
-"""The process of low priority runs only files in which no test starts a process; the others run the rest, and help."""
+"""The process in the background runs only files that wait or compute; the others run the rest, and help at the end."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import pytest
 from tests.scheduling import BackgroundScheduling, pytest_xdist_make_scheduler
 
 STARTING = ("fleet.py", "process.py")
-COMPUTING = ("slow.py", "quick.py", "names.py")
-TESTS = [f"{file}::test_{number}" for file in (*STARTING, *COMPUTING) for number in range(4)]
+BACKGROUND = ("waits.py", "slow.py", "quick.py")
+TESTS = [f"{file}::test_{number}" for file in (*STARTING, *BACKGROUND) for number in range(4)]
 
 
 class Worker:
     """Stands for a process of pytest: notes the tests that it is sent."""
 
-    def __init__(self, folder: Path, nice: str | None, computing: tuple[str, ...] = COMPUTING) -> None:
-        report = folder / f"report-{nice}"
-        report.write_text(json.dumps(computing))
-        self.workerinput = {"files_without_processes": str(report)}
-        self.gateway = SimpleNamespace(spec=SimpleNamespace(nice=nice), id=f"gw-{nice}")
+    def __init__(self, folder: Path, name: str, background: tuple[str, ...] = BACKGROUND) -> None:
+        report = folder / name
+        report.write_text(json.dumps(background))
+        self.workerinput = {"background_files": str(report)}
+        self.gateway = SimpleNamespace(id=name)
         self.sent: list[int] = []
         self.shutting_down = False
 
@@ -40,7 +40,7 @@ class Worker:
 
 
 def scheduling(*workers: Worker) -> Any:
-    options = {"tx": ["popen", "popen//nice=5"], "dist": "loadfile", "loadscopereorder": False}
+    options = {"tx": ["popen", "popen//id=background"], "dist": "loadfile", "loadscopereorder": False}
     config: Any = SimpleNamespace(getvalue=options.get, option=SimpleNamespace(**options), hook=None)
     scheduler: Any = BackgroundScheduling(config)
     for each in workers:
@@ -59,12 +59,12 @@ def finish(scheduler: Any, worker: Worker) -> None:
         done += 1
 
 
-def test_the_process_of_low_priority_starts_no_process_and_ends_when_the_rest_does(tmp_path: Path) -> None:
-    first, background = Worker(tmp_path, None), Worker(tmp_path, "5")
+def test_the_process_in_the_background_runs_only_files_for_it_and_ends_after_them(tmp_path: Path) -> None:
+    first, background = Worker(tmp_path, "gw0"), Worker(tmp_path, "background")
     scheduler = scheduling(first, background)
     assert first.files == ["fleet.py"]
     finish(scheduler, background)
-    assert background.files == list(COMPUTING)
+    assert background.files == list(BACKGROUND)
     assert background.shutting_down
     finish(scheduler, first)
     assert first.files == list(STARTING)
@@ -73,17 +73,17 @@ def test_the_process_of_low_priority_starts_no_process_and_ends_when_the_rest_do
 
 
 def test_the_others_help_with_what_is_left(tmp_path: Path) -> None:
-    first, background = Worker(tmp_path, None), Worker(tmp_path, "5")
+    first, background = Worker(tmp_path, "gw0"), Worker(tmp_path, "background")
     scheduler = scheduling(first, background)
     finish(scheduler, first)
-    assert first.files == [*STARTING, *COMPUTING[1:]]
+    assert first.files == [*STARTING, *BACKGROUND[1:]]
     finish(scheduler, background)
-    assert background.files == [COMPUTING[0]]
+    assert background.files == [BACKGROUND[0]]
     assert sorted(first.sent + background.sent) == list(range(len(TESTS)))
 
 
-def test_without_such_files_the_process_of_low_priority_ends_at_once(tmp_path: Path) -> None:
-    first, background = Worker(tmp_path, None, ()), Worker(tmp_path, "5", ())
+def test_without_such_files_the_process_in_the_background_ends_at_once(tmp_path: Path) -> None:
+    first, background = Worker(tmp_path, "gw0", ()), Worker(tmp_path, "background", ())
     scheduler = scheduling(first, background)
     assert background.shutting_down
     assert background.sent == []
@@ -91,7 +91,9 @@ def test_without_such_files_the_process_of_low_priority_ends_at_once(tmp_path: P
     assert len(first.sent) == len(TESTS)
 
 
-@pytest.mark.parametrize("options", [{"tx": ["popen"], "dist": "loadfile"}, {"tx": ["popen//nice=5"], "dist": "load"}])
+@pytest.mark.parametrize(
+    "options", [{"tx": ["popen"], "dist": "loadfile"}, {"tx": ["popen//id=background"], "dist": "load"}]
+)
 def test_other_distributions_are_those_of_xdist(options: dict[str, Any]) -> None:
     config: Any = SimpleNamespace(getvalue=options.get)
     assert pytest_xdist_make_scheduler(config, None) is None  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ TWO = ["--tx", "2*popen", "--dist", "loadfile", "--no-loadscope-reorder"]
 def test_whole_folders_run_several_at_a_time(arguments: list[str]) -> None:
     assert parallel_arguments(arguments, 2) == TWO
     assert parallel_arguments(arguments, 64)[1] == "8*popen"
-    assert parallel_arguments(arguments, 2, background=True) == [*TWO[:2], "--tx", "popen//nice=5", *TWO[2:]]
+    assert parallel_arguments(arguments, 2, background=True) == [*TWO[:2], "--tx", "popen//id=background", *TWO[2:]]
 
 
 @pytest.mark.parametrize(
