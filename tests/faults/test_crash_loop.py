@@ -15,6 +15,8 @@ from tests.faults.fleet_files import FIRST_PAUSE_S
 from tests.faults.supervised_fleet import START_S, SupervisedFleet
 from tests.harness.robot_recorder import FULL_SPEED
 
+pytestmark = pytest.mark.waits
+
 NAME = "crash_at_once"
 POLICY = RestartPolicy(first=FIRST_PAUSE_S)
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 import signal
 import time
 
+import pytest
+
 from messages.topics import CMD_VEL
 from tests.faults.services.faulty_controller import FULL_SPEED as FORWARD
 from tests.faults.supervised_fleet import WITHIN_S, SupervisedFleet
 from tests.faults.test_killed_processes import declared
 from tests.harness.robot_recorder import FULL_SPEED, LATEST_STOP_S, STANDSTILL_SPEED, TIMEOUT_S, WHEELS
 from tests.harness.waiting import wait_until
+
+pytestmark = pytest.mark.waits
 
 BURST = 10
 """Commands sent into the frozen router, and the time between them [s]."""

@@ -19,6 +19,8 @@ from tests.harness.message_recorder import WITHIN_S, MessageRecorder, distance, 
 from tests.harness.waiting import wait_until
 from tests.system.two_robot_simulation import TwoRobotSimulation, two_robot_simulation
 
+pytestmark = pytest.mark.waits
+
 GOOD = msgpack.packb({"linear": {"x": 0.2}})
 KIND = "application/msgpack;geometry_msgs/Twist"
 GROWTH_MIB = 20.0

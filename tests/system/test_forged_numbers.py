@@ -31,6 +31,8 @@ from tests.harness.health import ask_health
 from tests.harness.message_recorder import WITHIN_S, MessageRecorder
 from tests.harness.waiting import wait_until
 
+pytestmark = pytest.mark.waits
+
 FAR_NS = 3600 * 10**9
 QUICK = IDLE.replace('mode = "real"', 'mode = "real"\nfactor = 4.0')
 NODES = {"/grader", "/params", "/router", "/sim", "/supervisor"}

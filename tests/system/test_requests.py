@@ -18,6 +18,8 @@ from tests.harness.message_recorder import WITHIN_S, MessageRecorder, distance, 
 from tests.harness.waiting import wait_until
 from tests.system.two_robot_simulation import STARTS, TwoRobotSimulation, two_robot_simulation
 
+pytestmark = pytest.mark.waits
+
 
 @pytest.fixture(scope="module", params=["real", "lockstep"])
 def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimulation]:

@@ -16,6 +16,8 @@ from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, Messag
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 
+pytestmark = pytest.mark.waits
+
 TIMEOUT, BRAKE, SPEED = 0.25, 1.5, 0.5
 
 

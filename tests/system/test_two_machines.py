@@ -6,6 +6,8 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
+import pytest
+
 from messages.names import Identity
 from messages.topics import HEALTH
 from services.runtime.log import Log
@@ -18,6 +20,8 @@ from tests.harness.ports import free_port
 from tests.harness.processes import Process
 from tests.harness.waiting import wait_until
 from tests.system.network_namespaces import namespace_pair
+
+pytestmark = pytest.mark.waits
 
 WITHIN_S = 40.0
 

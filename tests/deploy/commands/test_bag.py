@@ -25,6 +25,8 @@ from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 from tests.services.bag.sample_bags import make_bag, make_rosbag2_bag
 
+pytestmark = pytest.mark.waits
+
 
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:

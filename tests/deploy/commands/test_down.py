@@ -6,6 +6,7 @@ import signal
 from pathlib import Path
 
 import psutil
+import pytest
 
 from messages.base import encode
 from messages.names import key
@@ -16,6 +17,8 @@ from services.runtime.transport.unix_sockets import router_endpoint
 from tests.deploy.supervisor.supervisor_harness import has_ended
 from tests.deploy.test_run import FleetCommandLine
 from tests.harness.waiting import wait_until
+
+pytestmark = pytest.mark.waits
 
 HUNG = """
 import signal, time

@@ -21,6 +21,8 @@ from tests.harness.background_fleet import BackgroundFleet, background_fleet, in
 from tests.harness.fork_server import run_verb
 from tests.harness.waiting import wait_until
 
+pytestmark = pytest.mark.waits
+
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BackgroundFleet]:

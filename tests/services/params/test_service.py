@@ -22,6 +22,8 @@ from tests.services.params.parameter_client import (
     value_dict,
 )
 
+pytestmark = pytest.mark.waits
+
 CLIENTS, EACH = 4, 100
 SET = "/robot_control"
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -27,6 +28,8 @@ from tests.harness.command_line import CommandLine
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 from tests.services.bag.sample_bags import START, TYPESTORE
+
+pytestmark = pytest.mark.waits
 
 
 def frames(x: float, *names: str) -> TFMessage:

@@ -27,6 +27,8 @@ from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 from tests.services.bag.sample_bags import START, drive_messages, make_bag, write_messages
 
+pytestmark = pytest.mark.waits
+
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -19,6 +19,8 @@ from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
 from tests.harness.processes import Network
 
+pytestmark = pytest.mark.waits
+
 
 def transport(network: Network, role: Role = "direct", settle_s: float = 0.7) -> ZenohTransport:
     return ZenohTransport(configuration(role, (network.endpoint,)), settle_s)

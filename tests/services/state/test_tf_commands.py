@@ -29,6 +29,8 @@ from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 from tests.services.state.conftest import TfHarness
 
+pytestmark = pytest.mark.waits
+
 BURGER_FRAMES, GRIPPER_FRAMES = 8, 8
 
 

@@ -25,6 +25,8 @@ from tests.services.teleop.simulated_robot import (
     teleop_terminal,
 )
 
+pytestmark = pytest.mark.waits
+
 LET_GO_S = 0.4
 """Wall time [s] to detect a released key on a busy machine; without learning the keyboard's delay it would be 0.6."""
 

@@ -29,6 +29,8 @@ from tests.harness.memory_node import memory_node
 from tests.harness.waiting import wait_until
 from tests.services.runtime.lockstep.test_lockstep import Member, Simulation
 
+pytestmark = pytest.mark.waits
+
 FAR = 2**62
 ON_ZENOH = pytest.mark.parametrize("connect", ["zenoh"], indirect=True)
 """For tests that wait on the wall clock for a message that never arrives; the in-memory bus would add nothing."""

@@ -23,6 +23,8 @@ from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.processes import Network
 
+pytestmark = pytest.mark.waits
+
 Answer = Callable[[Query], None]
 
 

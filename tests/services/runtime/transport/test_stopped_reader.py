@@ -9,6 +9,8 @@ import sys
 import time
 from contextlib import ExitStack
 
+import pytest
+
 from messages.topics import Quality
 from services.runtime.process import PARENT, ROOT
 from services.runtime.transport.unix_sockets import router_endpoint
@@ -16,6 +18,8 @@ from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
 from tests.harness.ports import free_port
 from tests.harness.waiting import wait_until
+
+pytestmark = pytest.mark.waits
 
 STOPPED_S = 3.0
 ROLES: tuple[Role, ...] = ("direct", "star")
