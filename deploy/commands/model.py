@@ -90,7 +90,7 @@ def format_check(found: ModelCheck) -> str:
         lines += ["", title, *(f"  {each}" for each in texts)] if texts else []
     if found.trials:
         lines += ["", "driven"]
-        head = ("", "told", "did", "error", "wheels count", "")
+        head = ("", "commanded", "actual", "error", "by the wheels", "")
         lines += _rows([head, *map(_trial_row, found.trials)])
         lines += [f"  {each}" for each in found.advice]
     failed = [each.name for each in found.trials if not each.ok]
@@ -138,8 +138,8 @@ def _trial_row(trial: object) -> tuple[str, ...]:
     verdict = "" if trial.ok else "FAILED: "
     return (
         trial.name,
-        f"{trial.told:.4f} {trial.unit}",
-        f"{trial.did:.4f} {trial.unit}",
+        f"{trial.commanded:.4f} {trial.unit}",
+        f"{trial.actual:.4f} {trial.unit}",
         f"{100 * trial.error:+.2f} %",
         counted,
         verdict + trial.remark,

@@ -89,10 +89,10 @@ class EmergencyStopClient:
     def _holders_of(self, robot: str) -> dict[str, str]:
         return (self._holders or {}).get(robot, {})
 
-    def _on_status(self, told: EmergencyStops, origin: SampleInfo | None) -> None:
+    def _on_status(self, status: EmergencyStops, origin: SampleInfo | None) -> None:
         self.version += 1
         self._holders = {}
-        for stop in told.stops:
+        for stop in status.stops:
             robot = stop.topic.removesuffix(f"/{E_STOP.name}")
             self._holders.setdefault(robot, {})[stop.id] = stop.holder
         mine = {robot for robot, holders in self._holders.items() if self._own_id in holders}

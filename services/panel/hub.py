@@ -134,7 +134,7 @@ class Hub:
         self._wanted.pop(page, None)
         self._plots.set_subscription(page, None)
         self._scans.set_subscription(page, "")
-        self._sent = {place: told for place, told in self._sent.items() if place[0] is not page}
+        self._sent = {place: sent for place, sent in self._sent.items() if place[0] is not page}
 
     def _enable_channels(self) -> None:
         """Enable the channels that any page shows, disable the others. Driving needs the clock even without a page."""

@@ -104,14 +104,14 @@ def drive_robots(
 class Manoeuvre:
     """The commanded and the actual motion of a robot from rest to rest.
 
-    ``told`` (commanded), ``did`` (actual) and ``counted`` (by wheel encoders, None without) are along the commanded
-    axis: m, or rad for a turn. ``aside`` [m] is the distance from the line, or from the spot, ``heading`` [rad] the
-    unintended turn, ``tilt`` [rad] the largest change of the tilt since the start. ``told`` is less than the requested
-    amount if the robot is too slow for it.
+    ``commanded``, ``actual`` and ``counted`` (by wheel encoders, None without) are along the commanded axis: m, or rad
+    for a turn. ``aside`` [m] is the distance from the line, or from the spot, ``heading`` [rad] the unintended turn,
+    ``tilt`` [rad] the largest change of the tilt since the start. ``commanded`` is less than the requested amount if
+    the robot is too slow for it.
     """
 
-    told: float
-    did: float
+    commanded: float
+    actual: float
     aside: float
     heading: float
     tilt: float
@@ -120,7 +120,7 @@ class Manoeuvre:
     @property
     def error(self) -> float:
         """Relative error of the motion: (actual - commanded) / commanded."""
-        return self.did / self.told - 1 if self.told else 0.0
+        return self.actual / self.commanded - 1 if self.commanded else 0.0
 
 
 Encoders = Callable[[Mapping[str, float]], tuple[float, float]]
@@ -155,7 +155,7 @@ def _manoeuvre(
     body = robot.world.body(robot.name)
     drive_robots([robot], 0.0, 0.0, SETTLE_S)
     states, counter = [body.state()], _Counter(robot, encoders)
-    told = stopping = 0.0
+    commanded = stopping = 0.0
     going, led = True, Pose2(0.0, 0.0, 0.0)
     for _ in range(round(SLOWEST / DT)):
         before = robot.velocity[axis]
@@ -165,11 +165,11 @@ def _manoeuvre(
         states.append(body.state())
         counter.update()
         now = robot.velocity[axis]
-        told += now * DT
+        commanded += now * DT
         led = integrate_arc(*led, robot.velocity[0] * DT, robot.velocity[2] * DT)
         if going:
             stopping = _way_to_stop(robot, axis)
-            going = told + stopping < amount
+            going = commanded + stopping < amount
         elif not now and not before:
             break
     states += drive_robots([robot], 0.0, 0.0, SETTLE_S)
@@ -178,12 +178,12 @@ def _manoeuvre(
     dx, dy, dz = (b - a for a, b in zip(start.position, end.position, strict=True))
     ahead, left, _ = rotate_inverse(start.orientation, (dx, dy, dz))
     turn = turned(states)
-    did = (ahead, left, turn)[axis]
+    actual = (ahead, left, turn)[axis]
     aside = math.hypot(ahead - led.x, left - led.y) if axis == 2 else abs((left, ahead)[axis])
     upright = tilt_of(start)
     return Manoeuvre(
-        told=told,
-        did=did,
+        commanded=commanded,
+        actual=actual,
         aside=aside,
         heading=0.0 if axis == 2 else turn,
         tilt=max(abs(tilt_of(each) - upright) for each in states),
@@ -235,18 +235,19 @@ class _Counter:
 
 @dataclass(frozen=True)
 class JointTrial:
-    """A joint commanded to move there and back, each by ``told`` [rad or m]: how far it came, and its final distance
-    from the start."""
+    """A joint that moves there and back, each by ``commanded`` [rad or m]: how far it came, and its final distance from
+    the start.
+    """
 
     joint: str
-    told: float
-    did: float
+    commanded: float
+    actual: float
     back: float
 
     @property
     def error(self) -> float:
         """Relative error of the move there: (actual - commanded) / commanded."""
-        return self.did / self.told - 1 if self.told else 0.0
+        return self.actual / self.commanded - 1 if self.commanded else 0.0
 
 
 def shake_joints(

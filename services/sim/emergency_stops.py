@@ -22,7 +22,7 @@ ALL_ROBOTS = ""
 """In place of a robot's name: the stop of all robots, including those spawned later."""
 
 FOREIGN_ID, FOREIGN = "foreign", "(foreign)"
-"""The holder for publishers without an attachment: they cannot be told apart, so all are one holder."""
+"""The holder for publishers without an attachment: they cannot be distinguished, so all are one holder."""
 DAMAGED_ID, DAMAGED = "damaged", "(damaged file)"
 """Holds all robots if the file cannot be read: it may have contained any stop."""
 OTHERS_ID, OTHERS = "others", "(others)"

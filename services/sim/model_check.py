@@ -114,8 +114,8 @@ class TrialFacts:
 
     name: str
     unit: str
-    told: float
-    did: float
+    commanded: float
+    actual: float
     error: float
     remark: str
     ok: bool
@@ -432,9 +432,11 @@ def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[
             return
         spin = turn_on_the_spot(fresh(), math.tau, rate, encoders)
         yield _turn(spin)
-        if spin.did > 0.1 and abs(spin.error) > 0.01 and robot.model.wheels is not None:
+        if spin.actual > 0.1 and abs(spin.error) > 0.01 and robot.model.wheels is not None:
             now = settings.live.wheel_separation_multiplier
-            advice.append(f"wheel_separation_multiplier = {now * spin.told / spin.did:.4g} would turn it exactly")
+            advice.append(
+                f"wheel_separation_multiplier = {now * spin.commanded / spin.actual:.4g} would turn it exactly"
+            )
 
 
 def _straight(name: str, done: Manoeuvre) -> TrialFacts:
@@ -443,18 +445,18 @@ def _straight(name: str, done: Manoeuvre) -> TrialFacts:
         and done.aside <= STRAIGHT
         and abs(done.heading) <= SWAY
         and done.tilt <= TILT
-        and done.told > 0.9
+        and done.commanded > 0.9
     )
     remark = f"{1000 * done.aside:.1f} mm aside, turned {math.degrees(done.heading):.2f} deg"
-    return TrialFacts(name, "m", done.told, done.did, done.error, remark + _tilt(done), ok, done.counted)
+    return TrialFacts(name, "m", done.commanded, done.actual, done.error, remark + _tilt(done), ok, done.counted)
 
 
 def _turn(done: Manoeuvre, name: str = "360 deg on the spot", drift: float = DRIFT) -> TrialFacts:
-    told, did = math.degrees(done.told), math.degrees(done.did)
-    ok = abs(done.error) <= TURN and done.aside <= drift and done.tilt <= TILT and told > 350
+    commanded, actual = math.degrees(done.commanded), math.degrees(done.actual)
+    ok = abs(done.error) <= TURN and done.aside <= drift and done.tilt <= TILT and commanded > 350
     counted = None if done.counted is None else math.degrees(done.counted)
     remark = f"{1000 * done.aside:.1f} mm off the spot"
-    return TrialFacts(name, "deg", told, did, done.error, remark + _tilt(done), ok, counted)
+    return TrialFacts(name, "deg", commanded, actual, done.error, remark + _tilt(done), ok, counted)
 
 
 def _tilt(done: Manoeuvre) -> str:
@@ -497,6 +499,6 @@ def _move(joint: Joint) -> float:
 
 
 def _joint_trial(trial: JointTrial, unit: str) -> TrialFacts:
-    ok = abs(trial.error) <= JOINT and abs(trial.back) <= JOINT * abs(trial.told)
+    ok = abs(trial.error) <= JOINT and abs(trial.back) <= JOINT * abs(trial.commanded)
     remark = f"ends {trial.back:+.4f} from where it began"
-    return TrialFacts(trial.joint, unit, trial.told, trial.did, trial.error, remark, ok)
+    return TrialFacts(trial.joint, unit, trial.commanded, trial.actual, trial.error, remark, ok)

@@ -34,7 +34,7 @@ class TransitDelayEstimator:
     Until then a sample that looks late is as old as it looks, and the age of one that looks too new is unknown,
     ``inf``. So a clock that is set, or differs, costs its sender CONFIRM_NS once.
 
-    A link that suddenly delays everything by the same time cannot be told from a clock that was set.
+    A link that suddenly delays everything by the same time cannot be distinguished from a clock that was set.
 
     Args:
         wall: The clock that stamps are made with, ns.

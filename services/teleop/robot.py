@@ -108,9 +108,9 @@ class RobotMonitor:
         clock = self._clock.value
         if clock is None:
             return False
-        anew = clock.epoch != self._epoch or clock.clock.ns < self._ctx.now
+        restarted = clock.epoch != self._epoch or clock.clock.ns < self._ctx.now
         self._epoch, self._ctx.now = clock.epoch, clock.clock.ns
-        return anew
+        return restarted
 
     @property
     def sim_seconds(self) -> float:

@@ -54,7 +54,7 @@ def test_a_skid_steer_turns_as_it_is_told(check: Checker) -> None:
     assert found.ok, found
     assert max(map(abs, errors(found))) < 2e-3
     turn = found.trials[1]
-    assert turn.counted == pytest.approx(turn.did, rel=2e-3), "its wheels count what it turned"
+    assert turn.counted == pytest.approx(turn.actual, rel=2e-3), "its wheels count what it turned"
 
 
 def test_a_holonomic_robot_goes_sideways(check: Checker) -> None:
@@ -84,7 +84,7 @@ def test_an_arm_moves_each_joint(check: Checker) -> None:
     assert [each.interfaces for each in found.joints] == [("effort",)] * 3 + [("position",)]
     assert [each.name for each in found.trials] == ["shoulder_joint", "upper_joint", "fore_joint", "hand_joint"]
     assert found.ok, found
-    assert all(each.did == pytest.approx(each.told, rel=0.01) for each in found.trials)
+    assert all(each.actual == pytest.approx(each.commanded, rel=0.01) for each in found.trials)
 
 
 def test_what_is_broken_is_named_and_driven_all_the_same(check: Checker) -> None:
@@ -170,7 +170,7 @@ def test_wheels_in_mirror_image_turn_opposite_ways_to_drive_ahead(tmp_path: Path
     assert max(map(abs, errors(found))) < 2e-3
     straight, turn = found.trials
     assert straight.counted == pytest.approx(1.0, rel=5e-3), "they count it as the way ahead"
-    assert turn.counted == pytest.approx(turn.did, rel=5e-3)
+    assert turn.counted == pytest.approx(turn.actual, rel=5e-3)
 
 
 def test_the_ground_is_not_in_the_way_of_an_arm_that_stands_on_it(tmp_path: Path, check: Checker) -> None:
@@ -226,7 +226,7 @@ def test_steered_wheels_lead_around_a_circle(
     assert (straight.name, circle.name) == ("1 m straight", "360 deg on a circle")
     assert found.ok, found
     assert max(abs(straight.error), abs(circle.error)) < 5e-3
-    assert circle.counted == pytest.approx(circle.did, rel=1e-2), "its rear wheels count the turn"
+    assert circle.counted == pytest.approx(circle.actual, rel=1e-2), "its rear wheels count the turn"
 
 
 def test_a_caster_does_not_steer(tmp_path: Path, check: Checker) -> None:

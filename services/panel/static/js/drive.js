@@ -79,7 +79,7 @@ export function startDrive(link, chosen) {
     sendCommand();
   });
   window.addEventListener("keyup", (event) => {
-    if (event.key === "Meta") release(); // macOS tells of no key that goes up meanwhile
+    if (event.key === "Meta") release(); // macOS sends no keyup for other keys meanwhile
     else if (held.delete(event.code)) sendCommand();
   });
   for (const kind of ["blur", "pagehide", "contextmenu"]) window.addEventListener(kind, release);
@@ -105,11 +105,11 @@ export function startDrive(link, chosen) {
   pad.addEventListener("pointermove", (event) => { if (stick) follow(event); });
   for (const kind of ["pointerup", "pointercancel", "lostpointercapture"]) pad.addEventListener(kind, release);
 
-  link.on("about", ({ limits: told }) => {
-    if (told.v === limits.v && told.w === limits.w) return;
-    limits = told;
-    speed.max = told.v;
-    turn.max = told.w;
+  link.on("about", ({ limits: announced }) => {
+    if (announced.v === limits.v && announced.w === limits.w) return;
+    limits = announced;
+    speed.max = announced.v;
+    turn.max = announced.w;
     shown();
   });
   link.on("error", ({ reason }) => { if (timer) notify(reason, "bad"); });

@@ -82,7 +82,7 @@ export class GroundMap {
     this.dirty = true;
   }
 
-  // The first look is at everything: all robots, and plans that are told a moment later; then nothing moves by itself.
+  // The first look is at everything: all robots, and plans that arrive a moment later; then nothing moves by itself.
   fitAtStart() {
     const all = this.robots.length > 0 && this.robots.every(({ ns }) => this.poses[ns]);
     if (this.touched || !all || !this.canvas.clientWidth) return;

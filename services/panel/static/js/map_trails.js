@@ -53,9 +53,9 @@ export class TrailLayer {
   extend(camera, colours) {
     const ratio = devicePixelRatio || 1;
     const view = [camera.x, camera.y, camera.scale, camera.width, camera.height, ratio, this.trails.size].join();
-    const anew = view !== this.view;
-    if (anew && this.view && performance.now() < this.drawnAt + PACE) return false;
-    if (anew) {
+    const redraw = view !== this.view;
+    if (redraw && this.view && performance.now() < this.drawnAt + PACE) return false;
+    if (redraw) {
       this.view = view;
       this.shown = { x: camera.x, y: camera.y, scale: camera.scale, width: camera.width, height: camera.height };
       this.picture.width = camera.width * ratio;
@@ -64,10 +64,10 @@ export class TrailLayer {
     const context = this.picture.getContext("2d");
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     for (const [ns, trail] of this.trails) {
-      if (anew || trail.added) stroke(context, camera, trail, anew ? 0 : Math.max(0, trail.length - 2 * (trail.added + 1)), colours(ns));
+      if (redraw || trail.added) stroke(context, camera, trail, redraw ? 0 : Math.max(0, trail.length - 2 * (trail.added + 1)), colours(ns));
       trail.added = 0;
     }
-    if (anew) this.drawnAt = performance.now();
+    if (redraw) this.drawnAt = performance.now();
     return true;
   }
 }

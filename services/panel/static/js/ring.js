@@ -26,7 +26,7 @@ export class Ring {
       const t = times[i];
       if (t <= this.last) {
         if (t < this.last - 1) this.clear(); // time began again
-        else continue; // told twice, or late
+        else continue; // sent twice, or late
       }
       if (this.end === this.times.length) this.makeRoom();
       this.times[this.end] = t;

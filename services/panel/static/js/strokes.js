@@ -3,7 +3,7 @@
 import { store } from "./store.js";
 import { colour } from "./theme.js";
 
-// Lines that lie upon each other are told apart: every further line is broken, and shows what is below it.
+// Lines on top of each other are distinguished by dashes: every further line is broken and shows what is below it.
 export const DASHES = [[], [10, 6], [4, 4], [14, 4, 2, 4], [2, 3]];
 
 // The robot in whose namespace a topic is. One that has no namespace of its own claims none: all topics would be its.
@@ -20,7 +20,7 @@ const paler = (hex) => `#${[1, 3, 5].map((at) => Math.round((parseInt(hex.slice(
 
 function ownColour(line, lines) {
   const { free } = store;
-  if (!free.length) return colour("quiet"); // nobody has told of robots and colours yet
+  if (!free.length) return colour("quiet"); // robots and colours are not known yet
   if (line.own === null) {
     const used = lines.filter(({ series }) => !robotOf(series.topic)).map(({ own }) => own);
     line.own = 0;
