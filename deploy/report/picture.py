@@ -142,12 +142,12 @@ PALETTE_SIZE = 256
 
 def render_png(report: Report, trajectories: Path) -> bytes:
     """Return the picture as PNG; ``trajectories`` is the grader's file. Plots without data are left out."""
-    figure = draw_figure(report, trajectories)
-    plain, out = BytesIO(), BytesIO()
-    figure.savefig(plain, format="png", pil_kwargs={"compress_level": 1})
-    with Image.open(plain) as whole:
-        shades = whole.convert("RGB").quantize(PALETTE_SIZE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    shades.save(out, "PNG", optimize=True)
+    canvas: Any = draw_figure(report, trajectories).canvas
+    out = BytesIO()
+    canvas.draw()
+    whole = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    # Not with optimize=True: that takes seven times as long for a twentieth fewer bytes.
+    whole.quantize(PALETTE_SIZE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(out, "PNG")
     return out.getvalue()
 
 

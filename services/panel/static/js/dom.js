@@ -94,6 +94,16 @@ export function confirmButton(label, act, attributes = {}) {
   return button;
 }
 
+// A function that asks for a drawing in the page's next frame, once however often it is called until then.
+export function perFrame(draw) {
+  let asked = false;
+  return () => {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame((now) => { asked = false; draw(now); });
+  };
+}
+
 // A small sentence that passes.
 export function notify(text, kind = "") {
   const notes = byId("notes");

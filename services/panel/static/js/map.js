@@ -111,6 +111,14 @@ export class GroundMap {
     this.draw();
   }
 
+  // Whether the drawing is out of date; if so, it is drawn in the page's next frame.
+  get dirty() { return this.changed; }
+
+  set dirty(changed) {
+    this.changed = changed;
+    if (changed) this.actions.redraw();
+  }
+
   // A turtle draws its trail itself, by its pen.
   isTurtle(ns) { return this.byNamespace.get(ns)?.model === "turtle"; }
 

@@ -1,7 +1,7 @@
 // The view of plots: which there are, the stretch of time that they share, the fields to choose, the parameters.
 
 import { startChooser } from "./chooser.js";
-import { el, setEnabled, storage } from "./dom.js";
+import { el, perFrame, setEnabled, storage } from "./dom.js";
 import { startParameters } from "./parameters.js";
 import { Plot } from "./plot.js";
 import { Series } from "./series.js";
@@ -11,6 +11,7 @@ import { onTheme } from "./theme.js";
 const WINDOWS = [5, 10, 30, 60, 300];
 
 export function startPlots(link) {
+  const redraw = perFrame(frame);
   const series = new Series(link);
   const stack = el("div", { class: "stack" });
   let plots = [], active = null, visible = false, fixed = null, paused = false, span = storage.get("window", 30);
@@ -34,6 +35,7 @@ export function startPlots(link) {
     },
     changed() {
       dirty = true;
+      redraw();
       if (restored) storage.set("plots", plots.map((each) => each.lines.map((line) => [line.series.topic, line.series.path])));
       chooser.refresh();
     },
@@ -85,16 +87,16 @@ export function startPlots(link) {
     pause.setAttribute("aria-pressed", String(paused));
     setEnabled(follow, fixed === null ? "It shows the newest samples already" : "");
     dirty = true;
+    redraw();
   }
 
   // Draws when there is news, and leaves a slow machine as much time as it takes.
   function frame(now) {
-    if (visible && now >= busyUntil && (dirty || (series.fresh && fixed === null))) {
-      dirty = series.fresh = false;
-      for (const plot of plots) plot.draw();
-      busyUntil = performance.now() + Math.min(400, (performance.now() - now) * 0.7);
-    }
-    requestAnimationFrame(frame);
+    if (!visible || !(dirty || (series.fresh && fixed === null))) return;
+    if (now < busyUntil) { redraw(); return; }
+    dirty = series.fresh = false;
+    for (const plot of plots) plot.draw();
+    busyUntil = performance.now() + Math.min(400, (performance.now() - now) * 0.7);
   }
 
   function restore() {
@@ -114,10 +116,10 @@ export function startPlots(link) {
   link.on("graph", restore);
   link.on("robots", () => plots.forEach((each) => each.repaint()));
   link.on("units", ({ units }) => { if (series.label(units)) plots.forEach((each) => each.rebuild()); });
-  requestAnimationFrame(frame);
+  link.on("samples", () => { if (visible && fixed === null) redraw(); });
   return {
     element,
-    show() { visible = dirty = true; chooser.show(); },
+    show() { visible = dirty = true; redraw(); chooser.show(); },
     hide() { visible = false; chooser.hide(); },
   };
 }

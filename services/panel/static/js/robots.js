@@ -1,15 +1,17 @@
 // The view of robots: the map, the list of robots with their stops, goals, and the stick.
 
-import { el, notify, robotName, setEnabled, setText, show, storage, twoDecimals, whilePending } from "./dom.js";
+import { el, notify, perFrame, robotName, setEnabled, setText, show, storage, twoDecimals, whilePending } from "./dom.js";
 import { startDrive } from "./drive.js";
 import { GroundMap } from "./map.js";
 
+const TEXT_PERIOD = 200; // ms between two changes of the poses in the list
 const MANY = 8; // robots; a list of more has a filter, and a line for each
 
 export function startRobots(link) {
-  let robots = [], selected = "", aiming = false, visible = false, epoch = null, poses = {};
+  let robots = [], selected = "", aiming = false, visible = false, epoch = null, poses = {}, texts = 0;
 
-  const ground = new GroundMap({ select, aims: () => aiming && Boolean(selected), goal });
+  const draw = perFrame(() => { if (visible) ground.draw(); });
+  const ground = new GroundMap({ select, aims: () => aiming && Boolean(selected), goal, redraw() { if (visible) draw(); } });
   const goalButton = el("button", { id: "goal-mode", title: "Then click where the robot should go; drag to set its final heading (Esc cancels)", onclick: () => aim(!aiming) }, "Send goal");
   const laserButton = el("button", { id: "laser", title: "Show what the laser of the chosen robot sees", onclick: () => {
     storage.set("laser", !storage.get("laser", true));
@@ -109,6 +111,7 @@ export function startRobots(link) {
     setText(hint, aiming ? `Click where ${robotName(selected)} is to go; drag to turn it.` : "");
     setEnabled(goalButton, robot?.goals ? "" : robot ? `${robotName(selected)} takes no goals: no waypoint service runs for it` : "Choose a robot first");
     drive.choose(robot);
+    showPoses();
   }
 
   function stateText(robot) {
@@ -127,6 +130,7 @@ export function startRobots(link) {
   link.on("poses", ({ at }) => {
     poses = at;
     ground.setPoses(at);
+    showPoses();
   });
   link.on("world", ({ bodies }) => ground.setBodies(bodies));
   link.on("bodies", ({ outlines }) => ground.setOutlines(outlines));
@@ -135,27 +139,24 @@ export function startRobots(link) {
   link.on("clock", (clock) => { if (epoch !== null && clock.epoch !== epoch) { ground.clear(); ground.setScan(null); } epoch = clock.epoch; });
   window.addEventListener("keydown", (event) => { if (event.key === "Escape" && aiming) aim(false); });
 
-  let lastText = 0;
-  function frame(now) {
-    if (visible) {
-      ground.draw();
-      if (now - lastText > 200) {
-        lastText = now;
-        for (const { ns, drives } of robots) {
-          if (robots.length > MANY && ns !== selected) continue; // the map shows where the others are
-          const [x, y, , , , , speed] = poses[ns] ?? [];
-          if (x !== undefined) setText(rows.get(ns).pose, `${twoDecimals(x)}, ${twoDecimals(y)} m${drives ? ` · ${twoDecimals(speed)} m/s` : ""}`);
-        }
-      }
-    }
-    requestAnimationFrame(frame);
+  // Write the newest poses into the list within TEXT_PERIOD.
+  function showPoses() {
+    if (visible && !texts) texts = setTimeout(writePoses, TEXT_PERIOD);
   }
-  requestAnimationFrame(frame);
+
+  function writePoses() {
+    texts = 0;
+    for (const { ns, drives } of robots) {
+      if (robots.length > MANY && ns !== selected) continue; // the map shows where the others are
+      const [x, y, , , , , speed] = poses[ns] ?? [];
+      if (x !== undefined) setText(rows.get(ns).pose, `${twoDecimals(x)}, ${twoDecimals(y)} m${drives ? ` · ${twoDecimals(speed)} m/s` : ""}`);
+    }
+  }
 
   return {
     element,
     map: ground,
-    show() { visible = true; ground.dirty = true; subscribe(); drive.enable(true); },
+    show() { visible = true; ground.dirty = true; showPoses(); subscribe(); drive.enable(true); },
     hide() { visible = false; aim(false); subscribe(); drive.enable(false); },
   };
 }
