@@ -201,7 +201,7 @@ pose = { y = 1.0 }
 [[every_robot]]
 kind = "waypoint"
 from_start = ["goals"]
-parameters = { goals = [[0.3, 0.1], [0.1, -0.1]] }
+parameters = { goals = [[0.3, 0.1]] }
 [[service]]
 kind = "starter.py"
 """
