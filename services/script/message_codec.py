@@ -12,7 +12,6 @@ import re
 import struct
 import types
 from collections.abc import Callable
-from functools import cache
 from typing import Annotated, Any, Protocol
 
 import msgspec
@@ -133,7 +132,7 @@ class Codec:
         if field.type in _BYTES:
             return _bytes_encoding(length)
         if field.type in SIZES:
-            return _numbers_encoding(field.type, length, (name, field.name) in packed_fields())
+            return _numbers_encoding(field.type, length, is_packed(name, field.name))
         if field.type == "string":
             return _counted(_texts, length, field)
         if field.type in _TIMES:
@@ -252,17 +251,14 @@ def _wire_number(kind: str) -> Any:
 _WIRE_NUMBERS = {kind: _wire_number(kind) for kind in SIZES}
 
 
-@cache
-def packed_fields() -> frozenset[tuple[str, str]]:
-    """Return the fields, by type and name, that our own records encode as arrays instead of lists."""
-    found = set()
-    for name, record in RECORDS.items():
-        for each, info in fields_of(record).items():
-            kind = unwrap(info.type)
-            array = getattr(kind, "cls", None)
-            if packed(kind) or (isinstance(array, type) and issubclass(array, Array)):
-                found.add((name, each))
-    return frozenset(found)
+def is_packed(name: str, field: str) -> bool:
+    """Whether our own record of a type, if there is one, encodes a field as an array instead of a list."""
+    record = RECORDS.get(name)
+    if record is None or (info := fields_of(record).get(field)) is None:
+        return False
+    kind = unwrap(info.type)
+    array = getattr(kind, "cls", None)
+    return packed(kind) or (isinstance(array, type) and issubclass(array, Array))
 
 
 def wire_names(catalogue: Catalogue, name: str) -> dict[str, str]:
