@@ -25,6 +25,7 @@ _COUNT = re.compile(r"[1-9][0-9]{0,4}")
 Kind = Literal["node", "pub", "sub", "srv", "step", "ready"]
 """A node itself, a publication, a subscription, a request served, readiness to step with the simulation, or the
 readiness of a node that takes no steps."""
+_KINDS = frozenset(get_args(Kind))
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Entity:
         A key with a control character in any part is refused, too: it would reach terminals and logs.
         """
         chunks = key.split("/")
-        if len(chunks) != 7 or chunks[0] != ADMIN_SPACE or chunks[2] not in get_args(Kind):
+        if len(chunks) != 7 or chunks[0] != ADMIN_SPACE or chunks[2] not in _KINDS:
             return None
         _, session, kind, node, name, record, detail = chunks
         if not _SESSION.fullmatch(session) or (kind == "step" and not _PERIOD.fullmatch(detail)):

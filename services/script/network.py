@@ -27,6 +27,8 @@ class Network:
         self._following = threading.Lock()
         self._noticed = 0
         self._entities: dict[str, Entity] = {}
+        self._ends: dict[str, dict[str, Entity]] = {}
+        """The publications and subscriptions of each topic."""
         self._origins: dict[bytes, Origin] = {}
         self.version = 0
         """Incremented at each change."""
@@ -50,6 +52,14 @@ class Network:
                 self._entities[event.key] = entity
             else:
                 self._entities.pop(event.key, None)
+            if entity.kind in ("pub", "sub"):
+                ends = self._ends.setdefault(entity.name, {})
+                if event.alive:
+                    ends[event.key] = entity
+                else:
+                    ends.pop(event.key, None)
+                if not ends:
+                    del self._ends[entity.name]
             if entity.kind == "pub":
                 publisher = publisher_id(entity.node, entity.session, key_of(entity.name))
                 self._origins[publisher] = Origin(entity.node, entity.detail == "LATCHED")
@@ -82,7 +92,7 @@ class Network:
         type.
         """
         with self._lock:
-            ends = [each for each in self._entities.values() if each.kind in ("pub", "sub") and each.name in own]
+            ends = [each for name in own for each in self._ends.get(name, {}).values()]
         return {
             each.name: (each.record, each.node)
             for each in sorted(ends, key=lambda each: (each.name, each.node))
