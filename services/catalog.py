@@ -20,6 +20,7 @@ NO_ROS2 = "programs of ROS 2 are not run yet, those of ROS 1 (rospy) are; servic
 """Error text for a file that uses rclpy."""
 
 
+@cache
 def service_kinds() -> tuple[str, ...]:
     """Return the names of all services: the folders beside this file that contain ``loop.py``."""
     return tuple(sorted(each.parent.name for each in _FOLDER.glob("*/loop.py")))
