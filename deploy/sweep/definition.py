@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import msgspec
@@ -156,7 +157,7 @@ def _seeds(text: str) -> Iterator[str]:
 def _distinct(values: tuple[str, ...], where: str) -> tuple[str, ...]:
     if "" in values:
         raise BadInput(f"{where}: a value is empty")
-    twice = [each for each in dict.fromkeys(values) if values.count(each) > 1]
+    twice = [each for each, count in Counter(values).items() if count > 1]
     if twice:
         raise BadInput(f"{where}: {twice[0]} is given twice")
     return values
