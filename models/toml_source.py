@@ -56,13 +56,10 @@ def line_of(text: str, path: Sequence[TomlKey]) -> int:
     A table of an array is given by its index: ``("robot", 2, "pose", "x")``.
     """
     best, line = 0, 1
-    here: tuple[TomlKey, ...] = ()
-    counts: dict[tuple[TomlKey, ...], int] = {}
-    for number, chunk, parsed in _statements(text):
-        if chunk.lstrip().startswith("["):
-            keys = here = _header(parsed, counts)
-        else:
-            keys = here + tuple(_keys(parsed))
+    first = tuple(path[:1])
+    for number, chunk, keys in _statements(text):
+        if keys[:1] != first:
+            continue
         shared = _common_prefix(keys, path)
         if shared == len(keys) and shared > best:
             best, line = shared, number + _inline_offset(chunk, path[shared:])
@@ -72,12 +69,21 @@ def line_of(text: str, path: Sequence[TomlKey]) -> int:
 
 
 @lru_cache(1)
-def _statements(text: str) -> tuple[tuple[int, str, dict[str, Any]], ...]:
-    """Line, text and content of each statement: the shortest sequence of lines that is valid TOML.
+def _statements(text: str) -> tuple[tuple[int, str, tuple[TomlKey, ...]], ...]:
+    """Line, text and path of each statement: the shortest sequence of lines that is valid TOML.
 
     Cached, since it is needed for each robot of a file: with 300 robots, parsing each time took minutes.
     """
-    return tuple(_split(text))
+    found = []
+    here: tuple[TomlKey, ...] = ()
+    counts: dict[tuple[TomlKey, ...], int] = {}
+    for number, chunk, parsed in _split(text):
+        if chunk.lstrip().startswith("["):
+            keys = here = _header(parsed, counts)
+        else:
+            keys = here + tuple(_keys(parsed))
+        found.append((number, chunk, keys))
+    return tuple(found)
 
 
 def _split(text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
