@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -252,7 +253,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "robots": [each.name for each in robots],
                 "namespaces": [robot_namespace(each) for each in robots],
                 "halting": [_braking_spec(each) for each in robots if read_model(each.model).has_base],
-                "sizes": [_size_spec(each) for each in robots if not is_arm(each)],
+                "sizes": _size_specs([each for each in robots if not is_arm(each)]),
                 "arms": grader_arms(fleet),
                 "ends": run.ends,
                 "not_before": earliest_end(fleet),
@@ -326,13 +327,17 @@ def robot_parameters_type(model: str) -> type[Parameters]:
     return BaseParameters if read_model(model).has_base else JointParameters
 
 
-def _size_spec(robot: RobotConfig) -> dict[str, Any]:
-    """Return the space that a robot occupies; without a top if its URDF does not give its height."""
+def _size_specs(robots: Sequence[RobotConfig]) -> list[dict[str, Any]]:
+    """Return the space that each robot occupies; without a top if its URDF does not give its height."""
     from models.extents import vertical_extent  # imports numpy and mesh decoders, which a plain command never needs
 
-    bottom, top = vertical_extent(robot.model)
-    size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
-    return size if math.isinf(top) else {**size, "top": top}
+    extents = {model: vertical_extent(model) for model in dict.fromkeys(each.model for each in robots)}
+    sizes: list[dict[str, Any]] = []
+    for robot in robots:
+        bottom, top = extents[robot.model]
+        size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
+        sizes.append(size if math.isinf(top) else {**size, "top": top})
+    return sizes
 
 
 def _braking_spec(robot: RobotConfig) -> dict[str, Any]:
