@@ -156,7 +156,7 @@ def _manoeuvre(
     drive_robots([robot], 0.0, 0.0, SETTLE_S)
     states, counter = [body.state()], _Counter(robot, encoders)
     commanded = stopping = 0.0
-    going, led = True, Pose2(0.0, 0.0, 0.0)
+    going, led, stopping_of = True, Pose2(0.0, 0.0, 0.0), None
     for _ in range(round(SLOWEST / DT)):
         before = robot.velocity[axis]
         command = velocity if going else (0.0, 0.0, 0.0)
@@ -168,7 +168,8 @@ def _manoeuvre(
         commanded += now * DT
         led = integrate_arc(*led, robot.velocity[0] * DT, robot.velocity[2] * DT)
         if going:
-            stopping = _way_to_stop(robot, axis)
+            if robot.state is not stopping_of:  # at a constant speed it stays the same
+                stopping, stopping_of = _way_to_stop(robot, axis), robot.state
             going = commanded + stopping < amount
         elif not now and not before:
             break
