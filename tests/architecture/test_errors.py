@@ -14,6 +14,9 @@ BUILT_IN = {name for name, each in vars(builtins).items() if isinstance(each, ty
 NOT_ERRORS = {"ServiceCaptured"}
 """Classes that must not be caught by any error handler."""
 
+CLASS = re.compile(r"^\s*class \w", re.MULTILINE)
+"""A class statement: files without one are not parsed."""
+
 
 def classes() -> dict[str, tuple[list[str], str]]:
     """Return the bases and module of every class of the product, except in imitations of foreign libraries."""
@@ -23,10 +26,19 @@ def classes() -> dict[str, tuple[list[str], str]]:
             if "site-packages" in file.parts:  # imitates the exceptions of other libraries
                 continue
             module = ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-            for node in ast.walk(ast.parse(file.read_text())):
+            text = file.read_text()
+            for node in _statements(ast.parse(text)) if CLASS.search(text) else ():
                 if isinstance(node, ast.ClassDef):
                     found[node.name] = [ast.unparse(each).rpartition(".")[2] for each in node.bases], module
     return found
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield all statements below a node; unlike ``ast.walk``, no expressions."""
+    for field in ("body", "orelse", "handlers", "finalbody", "cases"):
+        for each in getattr(node, field, ()):
+            yield each
+            yield from _statements(each)
 
 
 def drawn() -> Iterator[tuple[str, str, str]]:
