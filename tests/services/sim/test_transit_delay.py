@@ -63,10 +63,13 @@ class History:
         """Yield each sample's sending time, arrival time and stamp [s], and whether the stamp is forged."""
         arrived, forged = 0.0, {each.at: each for each in self.of("forged")}
         pauses, steps, delays = self.of("silence", "sender"), self.of("step", "both"), self.of("link", "sender")
+        ahead = sorted((each.at, each.at + each.size) for each in pauses)
         number, count = -1, ceil(self.seconds * self.rate)
         while (number := number + 1) < count:
             sent = number / self.rate
-            if ends := [each.at + each.size for each in pauses if each.at <= sent < each.at + each.size]:
+            while ahead and ahead[0][1] <= sent:
+                ahead.pop(0)
+            if ahead and ahead[0][0] <= sent and (ends := [end for begin, end in ahead if begin <= sent < end]):
                 number = max(number, floor(max(ends) * self.rate) - 1)
                 continue
             stamp = EPOCH + sent + self.offset + self.drift * sent + set_by(steps, sent)
