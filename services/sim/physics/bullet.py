@@ -20,7 +20,7 @@ from services.runtime.errors import BadInput, unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.bullet_body import BulletBody
 from services.sim.physics.collision import CollisionChecker
-from services.sim.physics.engine import configure, connect, load_world
+from services.sim.physics.engine import configure, connect, disconnect, load_world
 from services.sim.physics.world import (
     Body,
     BodyState,
@@ -230,7 +230,7 @@ class BulletWorld:
     def close(self) -> None:
         """Close both clients."""
         self._collision_checker.close()
-        pybullet.disconnect(physicsClientId=self._client)
+        disconnect(self._client, reusable=not self.description.lights)
 
     def _load_world(self) -> None:
         self._world, self._steps = load_world(self._client, self.description), 0

@@ -14,7 +14,7 @@ from models.world import WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.bullet_body import BulletBody
-from services.sim.physics.engine import connect, is_roller, load_world
+from services.sim.physics.engine import connect, disconnect, is_roller, load_world
 from services.sim.physics.world import Body, Configuration
 from services.sim.physics.world_bodies import ground_height
 
@@ -108,7 +108,7 @@ class CollisionChecker:
 
     def close(self) -> None:
         """Close the client."""
-        pybullet.disconnect(physicsClientId=self._client)
+        disconnect(self._client)
 
     def _set_places(self, places: Mapping[str, Pose3]) -> None:
         for name, pose in places.items():
