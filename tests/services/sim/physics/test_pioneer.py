@@ -48,7 +48,7 @@ def lift(states: list[BodyState]) -> float:
     return max(abs(state.position[2]) for state in states)
 
 
-@pytest.mark.parametrize("speed", [1.2, 0.75, 0.2, -0.5])
+@pytest.mark.parametrize("speed", [1.2, 0.2, -0.5])
 def test_straight_within_a_thousandth(spawn: Spawner, speed: float) -> None:
     robot = spawn(model="p3dx")
     before = drive_robots([robot], speed, 0.0, 1.0 + abs(speed) / WHEELS.acceleration)[-1]
@@ -58,7 +58,7 @@ def test_straight_within_a_thousandth(spawn: Spawner, speed: float) -> None:
     assert abs(yaw_of(after)) < 5e-4
 
 
-@pytest.mark.parametrize("rate", [5.235, 1.745, 0.5, -1.0])
+@pytest.mark.parametrize("rate", [5.235, 0.5, -1.0])
 def test_spin_within_a_thousandth(spawn: Spawner, rate: float) -> None:
     robot = spawn(model="p3dx")
     drive_robots([robot], 0.0, rate, 1.0 + abs(rate) * WHEELS.separation / 2 / WHEELS.acceleration)
@@ -89,7 +89,7 @@ def test_a_dead_stop_does_not_tip_it(spawn: Spawner) -> None:
 
 CRASHES = [
     (degrees, *either)
-    for number, degrees in enumerate((0, 10, 30, 45, 60, 75, 80, 85, 88))
+    for number, degrees in enumerate((0, 30, 45, 60, 80, 88))
     for either in (((0.75, 1.0), (1.2, 0.1)) if number % 2 else ((1.2, 1.0), (0.75, 0.1)))
 ]
 """Angles, speeds and wall heights: every pair of values occurs."""
