@@ -18,7 +18,7 @@ DETERMINISTIC = settings(
     max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow], database=None
 )
 """The same examples in every run, regardless of the machine's load."""
-FEW = settings(DETERMINISTIC, max_examples=12)
+FEW = settings(DETERMINISTIC, max_examples=8)
 """Settings for tests of each of 200 records, most of whose fields have the same few types."""
 
 
