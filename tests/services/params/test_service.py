@@ -10,7 +10,7 @@ import pytest
 
 from messages.topics import UPDATES
 from services.runtime.errors import CallFailed
-from tests.harness.message_recorder import MessageRecorder
+from tests.harness.message_recorder import WITHIN_S, MessageRecorder
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
 from tests.services.params.concurrent_client import PARAMETER_OF_CLIENT
@@ -55,7 +55,8 @@ def test_400_sets_of_four_clients_at_once_lose_none_and_end_in_one_state(network
         assert {each.name: each.value for each in changes[0].after}.items() <= value_dict(state).items()
         with network.node("late", domain="crowd") as late:
             latched = MessageRecorder(late.subscribe(UPDATES, f"{SET}/parameter_updates"))
-            assert latched.wait_next() == follower.received()[-1]
+            wait_until(latched.received, WITHIN_S, "the latched update")
+            assert latched.received() == follower.received()[-1:]
         process.kill()
         process = start_and_wait(network, client, file, "--domain", "crowd")
         assert client.announce(arm_announcement()).values == state.values
