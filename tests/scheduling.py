@@ -24,8 +24,8 @@ from xdist.workermanage import WorkerController
 
 BACKGROUND = "background"
 """The identifier of the process in the background."""
-_NICE = 5
-"""Its priority while it computes: a third of what others get, so that it goes on beside a busy machine, too."""
+_NICE = 3
+"""Its priority while it computes: half of what others get, so that no test reaches its time limit on a busy machine."""
 _AUTOGROUP = Path("/proc/self/autogroup")
 """Linux shares the processors among sessions first; the priority of a process counts within its session."""
 _REPORT = "background_files"
