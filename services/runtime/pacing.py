@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from itertools import islice
 from typing import Any, NamedTuple, Protocol
 
 from messages.base import WrongPayload, decoder
 from messages.rosgraph import Clock
 from messages.topics import CLOCK, Quality
+from services.runtime.errors import TryAgain
 from services.runtime.fleet_instances import describe_fleets, running_fleets
 from services.runtime.graph import SUPERVISOR, Entity, token_pattern
 from services.runtime.heartbeat import State
@@ -34,6 +36,9 @@ times a second."""
 
 LOOK_S = 0.05
 """Wall time [s] between two checks for peers that are not visible yet: each is a query to the network."""
+
+POLL_S = 0.1
+"""Wall time [s] for which a step waits for subscriptions of other members before the loop spins once."""
 
 _CLOCKS = 16
 """Maximum clock samples queued and read at once; only the newest counts."""
@@ -284,13 +289,16 @@ class LockstepPacer:
         self._join_sent = False
         self._deadline = self._looked = 0.0
         self._step: StepGrant | None = None
+        self._granted: StepGrant | None = None
+        """A step that waits for subscriptions of other members to arrive."""
+        self._granted_at = 0.0
 
     def start(self) -> None:
         self._member.join()
 
     def next(self) -> Instant | None:
         refused = self._member.refusals.refused
-        go = self._member.poll()
+        go = self._member.poll() if self._granted is None else self._granted
         if self._member.refusals.refused != refused:
             self._node.log.warn(f"a Go is refused: {self._member.refusals.reason}", every=10.0)
         if go is None:
@@ -303,10 +311,37 @@ class LockstepPacer:
         self._silence.note_sample(go.paused)
         if go.paused:
             return None
+        if go.readers and not self._reaches(go):
+            return None
         self._step = go
         # The simulation waits for commands and Done; all other samples of the step are sent after them, in one burst.
         self._node.send_buffer.begin()
         return Instant(go.time, go.epoch, go.simulation)
+
+    def _reaches(self, go: StepGrant) -> bool:
+        """Return whether the new subscriptions of other members have arrived, so that the step may begin.
+
+        They arrive within milliseconds: this waits for them for POLL_S, then the loop continues in between.
+        """
+        if self._granted is None:
+            self._granted, self._granted_at = go, time.monotonic()
+        until = time.monotonic() + POLL_S
+        arrived = self._node.transport.arrived_tokens
+        while (missing := _missing_readers(go, arrived)) and time.monotonic() < until:
+            time.sleep(POLL_S / 20)
+        if missing:
+            with suppress(TryAgain):  # those that have ended again will not arrive
+                missing -= _missing_readers(go, self._node.transport.all_tokens)
+        if missing and time.monotonic() - self._granted_at < LINK_S:
+            return False
+        if missing:
+            listed = ", ".join(sorted({key for key, _ in missing}))[:500]
+            self._node.log.warn(
+                f"timed out after {LINK_S:g} s waiting for new subscriptions to {listed}; continuing without",
+                every=10.0,
+            )
+        self._granted = None
+        return True
 
     def finish(self, leaving: bool = False, left: tuple[str, ...] = (), idle_until: int = 0) -> None:
         """Report the tick's work as done.
@@ -368,3 +403,13 @@ class LockstepPacer:
             self._join_sent = True
             sequence_numbers(self._node.publishers)
         self._member.send_join(greeting, *last_reported(self._node.publishers), tuple(self._latched))
+
+
+def _missing_readers(go: StepGrant, tokens: Callable[[str], Collection[str]]) -> set[tuple[str, str]]:
+    """Return the keys and sessions of the new subscriptions that are not among the ``tokens`` of a pattern."""
+    missing: set[tuple[str, str]] = set()
+    for key, sessions in go.readers.items():
+        found = map(Entity.parse, tokens(token_pattern("sub", name=f"/{key}")))
+        there = {each.session for each in found if each is not None}
+        missing.update((key, session) for session in sessions if session not in there)
+    return missing

@@ -264,6 +264,9 @@ class NodeTransport:
     def all_tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
         return self._transport.all_tokens(pattern, timeout)
 
+    def arrived_tokens(self, pattern: str) -> set[str]:
+        return self._transport.arrived_tokens(pattern)
+
     def watch(self, pattern: str) -> TokenWatch:
         return self._shared.watch(pattern)
 

@@ -6,7 +6,7 @@ import math
 import secrets
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from itertools import islice
 from typing import Any, TypeVar
 
@@ -319,8 +319,9 @@ class Barrier:
         """Deliver what is sent from now on to the members that have subscribed to keys in this step.
 
         They skip earlier samples, except the last one of each latched topic, so the time at which their subscriptions
-        became visible makes no difference. Blocks until the subscriptions' tokens arrive: what is sent next reaches
-        them.
+        became visible makes no difference. Blocks until the subscriptions' tokens arrive, so that what the simulation
+        sends next reaches them. The other members do the same before their next steps: among peers, a subscription
+        reaches each on a link of its own.
         """
         if not self._beginning:
             return
@@ -331,6 +332,9 @@ class Barrier:
                 continue
             for key in keys:
                 self._declared.setdefault(key, {})[session] = None
+                for other in self._members.values():
+                    if other is not member:
+                        other.readers.setdefault(key, {})[session] = None
                 member.sequence_numbers.pop(key, None)
                 member.announced.pop(key, None)
                 reached = {**self.watermarks.admitted_upto.get(key, {}), **self._sent.get(key, {})}
@@ -530,6 +534,7 @@ class Barrier:
         members: tuple[bytes, ...] = ()
         if member.generation_sent < 0:
             self._grant_for(member)
+            member.readers = {key: {**sessions} for key, sessions in self._declared.items()}
         if member.generation_sent != self._generation:
             member.generation_sent = self._generation
             own = member_id(SIMULATION, self._transport.session)
@@ -537,12 +542,28 @@ class Barrier:
             members = (*(number for each in others for number in each.ids.values()), own)
         marks, known, member.sequence_numbers, member.announced = member.sequence_numbers, member.announced, {}, {}
         skipped, member.skipped = member.skipped, {}
+        readers, member.readers = self._still_reading(member.readers), {}
         leave = msgspec.structs.replace(
-            go, members=members, marks=marks, known=known, token=member.token, nonce=member.nonce, skipped=skipped
+            go,
+            members=members,
+            marks=marks,
+            known=known,
+            token=member.token,
+            nonce=member.nonce,
+            skipped=skipped,
+            readers=readers,
         )
         member.asked, member.asked_at = encode(leave), time.monotonic()
         member.waited = member.unresponsive = 0.0
         self._outbox.put(member.raw.put, member.asked, b"")
+
+    def _still_reading(self, readers: Mapping[str, Iterable[str]]) -> dict[str, tuple[str, ...]]:
+        """Return the subscriptions, sessions by key, whose tokens are still there."""
+        there: dict[str, tuple[str, ...]] = {}
+        for key, sessions in readers.items():
+            if kept := tuple(each for each in sessions if each in self._readers.get(key, ())):
+                there[key] = kept
+        return there
 
     def _grant_for(self, member: MemberState) -> None:
         """Admit the samples sent before a member joined, without waiting for them: latched ones may be old."""

@@ -44,6 +44,8 @@ class MemberState:
     sequence_numbers: Numbers = field(default_factory=dict)
     announced: Numbers = field(default_factory=dict)
     skipped: Numbers = field(default_factory=dict)
+    readers: dict[str, dict[str, None]] = field(default_factory=dict)
+    """By key, the sessions of other members that have subscribed to it since this member's last step."""
     sent: dict[bytes, int] = field(default_factory=dict)
     """By publisher, the last number that this member has reported."""
 

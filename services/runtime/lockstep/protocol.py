@@ -46,6 +46,8 @@ class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """Go: permission to take one step. With ``roster`` it is a join: answer once these nodes are visible; no step.
 
     ``skipped`` has the last numbers sent before the member subscribed to a key: it drops samples up to these.
+    ``readers`` are the sessions that have subscribed to a key since the member's last step: it waits until it knows
+    these subscriptions, so that what it sends in this step reaches them.
     """
 
     simulation: Session
@@ -60,6 +62,7 @@ class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     token: _Token = b""
     nonce: _Token = b""
     skipped: Numbers = {}
+    readers: Annotated[dict[str, tuple[Session, ...]], Meta(max_length=1 << 14)] = {}
 
 
 class StepReport(msgspec.Struct, frozen=True, kw_only=True, array_like=True):

@@ -233,6 +233,12 @@ class Transport(Protocol):
         """Like ``tokens``; raises TryAgain if the network does not report all of them in time."""
         ...
 
+    def arrived_tokens(self, pattern: str) -> set[str]:
+        """Return the tokens that match ``pattern`` and whose declarations have arrived here, and with them all that
+        their sessions declared before: what is sent from now on reaches these subscriptions.
+        """
+        ...
+
     def watch(self, pattern: str) -> TokenWatch:
         """Watch the tokens that match ``pattern``."""
         ...

@@ -313,6 +313,9 @@ class MemoryTransport:
     def all_tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
         return self.tokens(pattern)
 
+    def arrived_tokens(self, pattern: str) -> set[str]:
+        return set(self.tokens(pattern))
+
     def watch(self, pattern: str) -> MemoryTokenWatch:
         with self._bus.changed:
             watch = MemoryTokenWatch(pattern, self.tokens(pattern), self)

@@ -504,6 +504,12 @@ class ZenohTransport:
             )
         return found
 
+    def arrived_tokens(self, pattern: str) -> set[str]:
+        if self._configuration["mode"] == "client":
+            # The router has passed on what a session declared before it answers for its token.
+            return set(self.tokens(pattern))
+        return self._census.matching(pattern)
+
     def _ask_for_tokens(self, pattern: str, timeout: float) -> tuple[list[str], bool]:
         """Return the tokens known within ``timeout`` [s], and whether they are complete."""
         # With Zenoh's default FIFO of 256, a get with more replies than fit never returns.

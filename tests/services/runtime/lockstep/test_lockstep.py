@@ -16,6 +16,7 @@ from messages.std import Float64
 from messages.topics import Quality, Topic
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
+from services.runtime.graph import token_pattern
 from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.node import Node
@@ -111,6 +112,28 @@ class Leaver(Member):
             self.seen.append((instant.time, (), ()))
             ctx.publish(SHARED, Float64(data=7.0))
             pacer.finish(leaving=len(self.seen) == 2)
+
+
+class LateReader(Member):
+    """A member that subscribes in its third step."""
+
+    def __init__(self, transport: Transport, name: str) -> None:
+        super().__init__(transport, name, 50.0, random.Random(0))
+
+    def _run(self, ctx: Context[Any]) -> None:
+        pacer, shared = LockstepPacer(ctx.node, period_of(self._rate, True), reports_reads=True), None
+        pacer.start()
+        while True:
+            ctx.node.spin_once()
+            if (instant := pacer.next()) is None:
+                ctx.node.wait(pacer.raw)
+                continue
+            ctx.node.update_subscribers(pacer.watermarks)
+            if len(self.seen) == 2:
+                shared = ctx.node.subscribe(SHARED)
+            heard = () if shared is None else tuple(message.data for message, _ in shared.messages)
+            self.seen.append((instant.time, (), heard))
+            pacer.finish()
 
 
 class Simulation:
@@ -295,6 +318,35 @@ def test_a_member_that_comes_back_is_waited_for_again(connect: Callable[[], Tran
             first.stop()
             if second is not None:
                 second.stop()
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_a_step_begins_once_new_subscriptions_have_arrived_or_ended_again(
+    connect: Callable[[], Transport], monkeypatch: pytest.MonkeyPatch, ended: bool
+) -> None:
+    transport, looks = connect(), list[tuple[str, int]]()
+    arrived = transport.arrived_tokens
+
+    def arrive_at_the_third_look(pattern: str) -> set[str]:
+        looks.append((pattern, len(writer.seen)))
+        return arrived(pattern) if len(looks) > 2 and not ended else set()
+
+    monkeypatch.setattr(transport, "arrived_tokens", arrive_at_the_third_look)
+    if ended:
+        monkeypatch.setattr(transport, "all_tokens", lambda pattern: [])
+    with connect() as own, memory_node(MemoryBus(), "sim", transport=own) as made:
+        simulation = Simulation(made, ("/a", "/b"))
+        writer, reader = Member(transport, "a", 50.0, random.Random(0)), LateReader(connect(), "b")
+        try:
+            simulation.barrier.wait_for_members()
+            simulation.step(25)
+        finally:
+            writer.stop()
+            reader.stop()
+    assert len(looks) >= 3
+    assert set(looks) == {(token_pattern("sub", name="/shared"), 3)}, "it steps once they are there"
+    assert [len(heard) for _, _, heard in reader.seen] == [0, 0, 0, 0, 1, 1, 1]
+    assert len(writer.seen) == 7
 
 
 def test_a_rate_must_be_whole_steps() -> None:
