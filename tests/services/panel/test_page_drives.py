@@ -81,7 +81,8 @@ def test_a_held_key_drives_and_the_robot_stops_when_the_hand_is_gone(fleet: Pane
 
 def test_a_held_key_drives_no_more_when_its_page_is_gone(fleet: PanelFleet, pages: PageOpener) -> None:
     page = pages.open("robots", own=True)
-    session = page.context.new_cdp_session(page)
+    session, paused = page.context.new_cdp_session(page), list[object]()
+    session.on("Debugger.paused", lambda event: paused.append(event))
     page.click("[data-robot='/tb3_2']")
     for end, key in (("menu", ","), ("page hangs", "w"), ("page closes", ",")):
         with case(end):
@@ -90,7 +91,8 @@ def test_a_held_key_drives_no_more_when_its_page_is_gone(fleet: PanelFleet, page
                 page.click("#views", button="right", position={"x": 400, "y": 300})
             elif end == "page hangs":
                 session.send("Debugger.enable")
-                session.send("Debugger.pause")
+                session.send("Debugger.pause")  # at the page's next statement; each call receives events
+                wait_until(lambda: session.send("Debugger.enable") and paused, what="a page that hangs")
             else:
                 page.context.close()
             fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands")
