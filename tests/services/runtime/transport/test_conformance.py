@@ -9,6 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from messages.topics import Quality
+from services.runtime.graph import Entity, token_pattern
 from services.runtime.transport.api import TICKER_S, RawSubscriber, Sample, Transport
 from tests.harness.waiting import wait_until
 
@@ -48,6 +49,21 @@ def test_a_sample_arrives_whole_and_in_order(connect: Connect) -> None:
     assert {inlet.encoding(each[2]) for each in got} == {TEXT}
     assert {each[1] for each in got} == {b"x" * 33}
     assert {inlet.key(each[2]) for each in got} == {"tb3_0/text"}
+
+
+def test_what_is_sent_reaches_a_subscription_whose_token_has_arrived(connect: Connect) -> None:
+    reader, writer = connect(), connect()
+    for number in range(20):
+        outlet = writer.advertise(f"tb3_0/late{number}", TEXT, Quality.EVENT)
+        inlet = reader.subscribe(f"tb3_0/late{number}", 4)
+        token = Entity(reader.session, "sub", "/reader", f"/tb3_0/late{number}")
+        assert token.key not in writer.arrived_tokens(token_pattern("sub"))
+        kept = reader.declare_token(token.key)
+        pattern = token_pattern("sub", name=token.name)
+        wait_until(lambda only=[token.key], p=pattern: [*writer.arrived_tokens(p)] == only, every=0.0, what="the token")
+        outlet.put(b"first", attachment=b"")
+        assert _take(inlet, 1)[0][0] == b"first"
+        kept.close()
 
 
 def test_the_type_of_the_sender_is_told(connect: Connect) -> None:
