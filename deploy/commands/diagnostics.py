@@ -50,8 +50,9 @@ def test_command(arguments: tuple[str, ...]) -> None:
     arguments = tuple(path_from(each, Path.cwd()) for each in arguments)
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    beside = parallel_arguments(arguments, len(os.sched_getaffinity(0)), background=True)
-    if not any(each.startswith("-m") for each in arguments) and not are_of_others(arguments):
+    ours = not are_of_others(arguments)
+    beside = parallel_arguments(arguments, len(os.sched_getaffinity(0)), background=ours)
+    if ours and not any(each.startswith("-m") for each in arguments):
         beside += ["-m", "not bench"]
     os.execve(sys.executable, [sys.executable, "-P", "-m", "pytest", *beside, *arguments], environment)
 

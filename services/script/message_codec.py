@@ -252,7 +252,7 @@ _WIRE_NUMBERS = {kind: _wire_number(kind) for kind in SIZES}
 
 
 def is_packed(name: str, field: str) -> bool:
-    """Whether our own record of a type, if there is one, encodes a field as an array instead of a list."""
+    """Return whether our own record of a type, if there is one, encodes a field as an array instead of a list."""
     record = RECORDS.get(name)
     if record is None or (info := fields_of(record).get(field)) is None:
         return False

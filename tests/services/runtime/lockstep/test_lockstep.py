@@ -5,9 +5,9 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any
 
 import pytest
@@ -20,7 +20,7 @@ from services.runtime.graph import token_pattern
 from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.node import Node
-from services.runtime.pacing import LockstepPacer
+from services.runtime.pacing import Instant, LockstepPacer
 from services.runtime.parameters.base import Parameters
 from services.runtime.step import STEP_NS, period_of
 from services.runtime.transport.api import Transport
@@ -74,6 +74,17 @@ class Member:
         assert not self.thread.is_alive()
 
 
+def _steps(ctx: Context[Any], pacer: LockstepPacer) -> Iterator[Instant]:
+    """Join lockstep and yield each step that the simulation grants."""
+    pacer.start()
+    while True:
+        ctx.node.spin_once()
+        if (instant := pacer.next()) is None:
+            ctx.node.wait(pacer.raw)
+        else:
+            yield instant
+
+
 class Idler(Member):
     """A member that reports after each step for how long it will be idle."""
 
@@ -84,12 +95,7 @@ class Idler(Member):
     def _run(self, ctx: Context[Any]) -> None:
         shared = ctx.node.subscribe(SHARED)
         pacer = LockstepPacer(ctx.node, period_of(self._rate, True))
-        pacer.start()
-        while True:
-            ctx.node.spin_once()
-            if (instant := pacer.next()) is None:
-                ctx.node.wait(pacer.raw)
-                continue
+        for instant in _steps(ctx, pacer):
             ctx.node.update_subscribers(pacer.watermarks)
             self.seen.append((instant.time, (), tuple(message.data for message, _ in shared.messages)))
             pacer.finish(idle_until=instant.time + self._idle_ns)
@@ -103,12 +109,7 @@ class Leaver(Member):
 
     def _run(self, ctx: Context[Any]) -> None:
         pacer = LockstepPacer(ctx.node, period_of(self._rate, True))
-        pacer.start()
-        while len(self.seen) < 2:
-            ctx.node.spin_once()
-            if (instant := pacer.next()) is None:
-                ctx.node.wait(pacer.raw)
-                continue
+        for instant in islice(_steps(ctx, pacer), 2):
             self.seen.append((instant.time, (), ()))
             ctx.publish(SHARED, Float64(data=7.0))
             pacer.finish(leaving=len(self.seen) == 2)
@@ -122,12 +123,7 @@ class LateReader(Member):
 
     def _run(self, ctx: Context[Any]) -> None:
         pacer, shared = LockstepPacer(ctx.node, period_of(self._rate, True), reports_reads=True), None
-        pacer.start()
-        while True:
-            ctx.node.spin_once()
-            if (instant := pacer.next()) is None:
-                ctx.node.wait(pacer.raw)
-                continue
+        for instant in _steps(ctx, pacer):
             ctx.node.update_subscribers(pacer.watermarks)
             if len(self.seen) == 2:
                 shared = ctx.node.subscribe(SHARED)
