@@ -305,16 +305,21 @@ LARGEST_FOREIGN = 1 << 20
 """Maximum size [bytes] of a message on a topic that is not in the table."""
 
 
+def limit_of(name: str, ros_type: str) -> int | None:
+    """Return the limit [bytes] of the table's topic with this absolute name and type; None if it has none."""
+    typed = [each for each in TOPICS if ros_type == each.record.ROS_TYPE]
+    here = [each.largest for each in typed if each.name == name] or [
+        each.largest for each in typed if each.name[0] != "/" and name.endswith(f"/{each.name.removeprefix('~')}")
+    ]
+    return max(here, default=None)
+
+
 def largest_of(name: str, ros_type: str) -> int:
     """Return the maximum size [bytes] of a message of a type on the topic with this absolute name.
 
     For a topic of the table, its own limit; for others LARGEST_FOREIGN, or more if the type needs it in any namespace.
     """
-    typed = [each for each in TOPICS if ros_type == each.record.ROS_TYPE]
-    placed = [each for each in typed if each.name.startswith("/")]
-    if here := [each.largest for each in placed if each.name == name]:
-        return max(here)
-    relative = [each for each in typed if each not in placed]
-    if here := [each.largest for each in relative if name.endswith(f"/{each.name.removeprefix('~')}")]:
-        return max(here)
-    return max([LARGEST_FOREIGN, *(each.largest for each in relative)])
+    if (limit := limit_of(name, ros_type)) is not None:
+        return limit
+    relative = [each.largest for each in TOPICS if ros_type == each.record.ROS_TYPE and each.name[0] != "/"]
+    return max([LARGEST_FOREIGN, *relative])

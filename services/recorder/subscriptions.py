@@ -10,13 +10,13 @@ from messages.base import Message
 from messages.interfaces.records import find_record
 from messages.names import BadName
 from messages.records import unknown_record
-from messages.topics import CLOCK, INTERFACES, TOPICS, Quality, Topic
+from messages.topics import CLOCK, INTERFACES, TOPICS, Quality, Topic, limit_of
 from services.recorder import RecorderParameters
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity, Kind, token_pattern
 from services.runtime.interfaces import learn_interfaces
 from services.runtime.node import Node
-from services.runtime.subscriber import Subscriber
+from services.runtime.subscriber import Subscriber, foreign_queue_size, queue_size
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 
 
@@ -107,7 +107,8 @@ class Subscriptions:
         if record is None:
             self.raw.add(topic)
         described = _topic(topic, record or unknown_record(entity.record), entity.detail)
-        self.by_topic[topic] = self._node.subscribe(described, topic, bytes if record is None else None)
+        decode = bytes if record is None else None
+        self.by_topic[topic] = self._node.subscribe(described, topic, decode, capacity=_capacity(described))
         self._node.spin_once()  # a hundred subscriptions on a busy machine take longer than a heartbeat may
 
 
@@ -115,3 +116,10 @@ def _topic(name: str, record: type[Message], quality: str) -> Topic[Any]:
     largest = [each.largest for each in TOPICS if each.record is record]
     kind = Quality[quality] if quality in Quality.__members__ else Quality.SENSOR
     return Topic(name, record, 0, kind, "", max(largest, default=LARGEST_MESSAGE))
+
+
+def _capacity(topic: Topic[Any]) -> int:
+    """Return the ring size for a topic. Its limit does not count: a recorder takes larger messages than others do."""
+    ros_type = topic.record.ROS_TYPE
+    limit = limit_of(topic.name, ros_type)
+    return foreign_queue_size(ros_type) if limit is None else queue_size(limit, topic.quality is Quality.EVENT)

@@ -118,18 +118,19 @@ class Node:
         name: str | None = None,
         decode: Callable[[bytes], Any] | None = None,
         rare: bool = False,
+        capacity: int | None = None,
     ) -> Subscriber[M]:
         """Subscribe to a topic, under another name if one is given; its readers in this node share one subscription.
 
         ``decode`` decodes the payloads of a type that this project does not know; ``rare`` is for topics that rarely
-        carry anything and that no loop waits on.
+        carry anything and that no loop waits on; ``capacity`` is the number of samples kept between two updates.
         """
         absolute = self.identity.resolve(name or topic.name)
         for known in self.subscribers:
             if known.name == absolute and known.topic.record is topic.record:
                 return known
         key = self.identity.key(name or topic.name)
-        made = Subscriber(topic, absolute, key, self.transport, decode, rare=rare)
+        made = Subscriber(topic, absolute, key, self.transport, decode, capacity, rare=rare)
         self.attach(made)
         return made
 

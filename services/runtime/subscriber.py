@@ -38,6 +38,8 @@ EVENT_QUEUE_SIZE = 8192
 QUEUE_BYTES = 1 << 26
 """Maximum bytes queued in one subscription: topics with large messages get shorter rings."""
 MIN_QUEUE_SIZE, MIN_UNTYPED_QUEUE_SIZE = 4, 64
+LARGE_TYPES = frozenset({"Image", "CompressedImage", "PointCloud2", "PointCloud", "OccupancyGrid", "MarkerArray"})
+"""Types of ROS whose messages are usually large."""
 LARGEST_ATTACHMENT = 256
 """Maximum bytes of a foreign attachment; samples with a longer one are refused."""
 
@@ -91,6 +93,11 @@ def queue_size(largest: int, event: bool = False, untyped: bool = False) -> int:
         MIN_UNTYPED_QUEUE_SIZE if untyped else MIN_QUEUE_SIZE,
         min(EVENT_QUEUE_SIZE if event else QUEUE_SIZE, QUEUE_BYTES // largest),
     )
+
+
+def foreign_queue_size(ros_type: str) -> int:
+    """Return the ring size for a topic that is not in this project's table, so that its usual size is unknown."""
+    return MIN_UNTYPED_QUEUE_SIZE if ros_type.rpartition("/")[2] in LARGE_TYPES else QUEUE_SIZE
 
 
 class Subscriber(Generic[M]):

@@ -14,7 +14,7 @@ from messages.topics import TOPICS, Quality, Topic
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.subscriber import Subscriber
+from services.runtime.subscriber import QUEUE_SIZE, Subscriber, foreign_queue_size
 from services.runtime.transport.api import Transport
 from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo, member_id
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
@@ -22,9 +22,6 @@ from services.script.api import Origin
 from services.script.budget import PUBLISH
 from services.script.threads import Threads, Worker, report_exception
 
-QUEUE_SIZE, LARGE_QUEUE_SIZE = 1024, 64
-"""Maximum number of samples queued for a slow callback, and of samples of large types."""
-LARGE_TYPES = frozenset({"Image", "CompressedImage", "PointCloud2", "PointCloud", "OccupancyGrid", "MarkerArray"})
 NEW_PUBLISHER_S = 0.3
 """Wall time [s] within which a publisher's token should follow its first sample."""
 MOST_UNKNOWN = 64
@@ -69,14 +66,13 @@ class ForeignSubscriber(Subscriber[bytes]):  # type: ignore[type-var]
 
     def __init__(self, topic: Topic[Any], transport: Transport, threaded: bool = False) -> None:
         self._any = topic.record.ROS_TYPE == ANY_TYPE
-        large = topic.record.ROS_TYPE.rpartition("/")[2] in LARGE_TYPES
         super().__init__(
             topic,
             topic.name,
             topic.name[1:],
             transport,
             bytes,
-            LARGE_QUEUE_SIZE if large else QUEUE_SIZE,
+            foreign_queue_size(topic.record.ROS_TYPE),
             latched=True,
             threaded=threaded,
         )
