@@ -16,6 +16,7 @@ from services.logger.recording import Recording
 from services.logger.screenshots import repaired
 from services.runtime.errors import BadInput
 from tests.harness.ports import free_port
+from tests.harness.waiting import wait_until
 from tests.services.logger.conftest import EXTENT, RecordedDrive
 from tests.services.logger.recording_reader import entities, poses
 
@@ -107,8 +108,12 @@ def test_the_live_view_shows_the_run_on_the_loopback_only(tmp_path: Path) -> Non
         assert recording.url == f"rerun+http://127.0.0.1:{port}/proxy"
         listening = [each.laddr for each in psutil.Process().net_connections("tcp") if each.status == "LISTEN"]
         assert [each.ip for each in listening if each.port == port] == ["127.0.0.1"]
+    wait_until(lambda: not accepts(port), what="the server ends with the recording, in a thread of its own")
+
+
+def accepts(port: int) -> bool:
     with socket.socket() as probe:
-        assert probe.connect_ex(("127.0.0.1", port)) != 0, "the server ends with the recording"
+        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def test_a_taken_port_costs_the_live_view_and_nothing_else(tmp_path: Path) -> None:
