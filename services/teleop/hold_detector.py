@@ -92,13 +92,13 @@ def _learned_timeout(man: HoldDetector, gap: float) -> float:
     """Return the new time-out of first events [s], once repeats are seen for the first time in a hold.
 
     The event before the repeats was the delayed one. A longer delay is adopted at once, a shorter one by half, as the
-    first event may have been read late. Nothing is learned when two gaps may both be the delay: either the key was
-    tapped before it was held, or one of its first repeats was late on a busy machine.
+    first event may have been read late. A last gap as short as between repeats is one that was read late. Nothing is
+    learned when two gaps may both be the delay: either the key was tapped before it was held, or one of its first
+    repeats was very late on a busy machine.
     """
-    delay, previous = (man.gaps[1], man.gaps[0]) if gap <= MIN_HUMAN_INTERVAL_S else (man.gaps[0], inf)
-    if previous <= MAX_DELAY_S:
-        return man.first_timeout
-    if not MAX_REPEAT_INTERVAL_S < delay <= MAX_DELAY_S:
+    before, last = man.gaps
+    delay, previous = (last, before) if last > MAX_REPEAT_INTERVAL_S else (before, inf)
+    if MAX_REPEAT_INTERVAL_S < previous <= MAX_DELAY_S or not MAX_REPEAT_INTERVAL_S < delay <= MAX_DELAY_S:
         return man.first_timeout
     wanted = delay + DELAY_MARGIN_S
     return max(wanted, (man.first_timeout + wanted) / 2)

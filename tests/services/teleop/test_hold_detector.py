@@ -122,6 +122,19 @@ def test_a_late_repeat_is_not_taken_for_the_delay() -> None:
     assert let_go == []
 
 
+@pytest.mark.parametrize("late", [0.035, 0.05, 0.07, 0.075])
+@pytest.mark.parametrize("repeat", [1, 2, 3])
+def test_the_delay_is_learned_though_a_repeat_is_read_late(late: float, repeat: int) -> None:
+    """Those that follow within this time are read with it."""
+    whole = key_repeat(0.0, 3.0, 1.0, 0.03)
+    read = whole[repeat] + late
+    times = [*whole[:repeat], *(max(each, read) for each in whole[repeat:])]
+    man, _ = timeouts(FRESH, times)
+    assert 1.0 + DELAY_MARGIN_S <= man.first_timeout <= 1.0 + late + DELAY_MARGIN_S + 1e-9
+    _, let_go = timeouts(reset(man), key_repeat(10.0, 3.0, 1.0, 0.03))
+    assert let_go == []
+
+
 def test_a_repeat_that_is_read_late_is_a_repeat_all_the_same() -> None:
     """The reader was held up for 0.15 s; meanwhile the key was released after one more repeat."""
     man, _ = timeouts(FRESH, key_repeat(0.0, 1.0, 0.5, 0.03))
