@@ -41,8 +41,9 @@ class HoldDetector:
         first_timeout: How long a first event counts [s]; every event, unless ``adaptive``.
         adaptive: Learn the keyboard's delay and repeat interval.
         key: The last key.
-        last_time: Time of its last event [s].
-        gaps: The last two gaps between its events [s].
+        last_time: Time of its last event [s], as it was read.
+        last_stall: How much earlier that event may have occurred [s].
+        gaps: The last two gaps between its events [s], at most.
         intervals: Intervals between repeats [s]; empty until repeats are seen.
         held_until: Time [s] until which the key counts as held, inclusive.
     """
@@ -51,6 +52,7 @@ class HoldDetector:
     adaptive: bool = True
     key: str = ""
     last_time: float = -inf
+    last_stall: float = 0.0
     gaps: tuple[float, float] = (inf, inf)
     intervals: tuple[float, ...] = ()
     held_until: float = -inf
@@ -67,13 +69,15 @@ def pressed(man: HoldDetector, key: str, at: float, stall: float = 0.0) -> HoldD
     """
     gap = at - man.last_time if key == man.key else inf
     if man.adaptive and _is_repeat(man, gap, at - stall):
-        first = man.first_timeout if man.intervals else _learned_timeout(man, gap)
+        first = man.first_timeout if man.intervals else _learned_timeout(man)
         intervals = (*man.intervals, max(0.0, gap - stall))[-KEPT_INTERVALS:]
         until = at + min(first, _repeat_timeout(intervals))
-        return replace(man, first_timeout=first, last_time=at, intervals=intervals, held_until=until)
+        return replace(man, first_timeout=first, last_time=at, last_stall=stall, intervals=intervals, held_until=until)
+    until = at + man.first_timeout
     if gap < BURST_S:
-        return replace(man, last_time=at, held_until=at + man.first_timeout)
-    return replace(man, key=key, last_time=at, gaps=(man.gaps[1], gap), intervals=(), held_until=at + man.first_timeout)
+        return replace(man, last_time=at, last_stall=stall, held_until=until)
+    gaps = man.gaps[1], gap + man.last_stall
+    return replace(man, key=key, last_time=at, last_stall=stall, gaps=gaps, intervals=(), held_until=until)
 
 
 def reset(man: HoldDetector) -> HoldDetector:
@@ -88,7 +92,7 @@ def _is_repeat(man: HoldDetector, gap: float, earliest: float) -> bool:
     return BURST_S <= gap <= MIN_HUMAN_INTERVAL_S or max(gap, man.gaps[1]) <= MAX_REPEAT_INTERVAL_S
 
 
-def _learned_timeout(man: HoldDetector, gap: float) -> float:
+def _learned_timeout(man: HoldDetector) -> float:
     """Return the new time-out of first events [s], once repeats are seen for the first time in a hold.
 
     The event before the repeats was the delayed one. A longer delay is adopted at once, a shorter one by half, as the

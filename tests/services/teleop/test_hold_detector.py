@@ -112,6 +112,15 @@ def test_a_stall_does_not_spoil_what_was_learned() -> None:
     assert let_go == []
 
 
+def test_a_stall_of_the_reader_does_not_make_the_delay_shorter() -> None:
+    """The first event of a hold is read 0.2 s late, and the reader knows it."""
+    first, *repeats = key_repeat(0.0, 3.0, 1.0, 0.03)
+    man, _ = timeouts(pressed(FRESH, "i", first + 0.2, stall=0.25), repeats)
+    assert 1.0 + DELAY_MARGIN_S <= man.first_timeout <= 1.05 + DELAY_MARGIN_S + 1e-9
+    _, let_go = timeouts(reset(man), key_repeat(10.0, 3.0, 1.0, 0.03))
+    assert let_go == []
+
+
 def test_a_late_repeat_is_not_taken_for_the_delay() -> None:
     """The second repeat is 0.085 s late; the gap before it isn't the keyboard's delay."""
     man, _ = timeouts(FRESH, key_repeat(0.0, 2.0, 0.5, 0.03))

@@ -20,7 +20,7 @@ from tests.services.teleop.simulated_robot import (
     MAX_SPEED,
     WITHIN_S,
     SimulatedRobot,
-    moved_smoothly,
+    assert_moved_smoothly,
     simulated_robot,
     teleop_terminal,
 )
@@ -70,7 +70,7 @@ def test_a_held_key_drives_smoothly_from_its_first_event_and_a_released_one_stop
     """The first repeat arrives after 0.5 s, twice the base's time-out."""
     with teleop_terminal(drive) as seat:
         strokes = hold_without_lag(lambda: held(drive, seat, "i"))
-        assert moved_smoothly(drive, strokes)
+        assert_moved_smoothly(drive, strokes)
         assert_stopped_soon(drive, strokes)
 
 
@@ -78,14 +78,14 @@ def test_a_keyboard_with_a_delay_of_a_second_is_learned_from_the_first_hold(driv
     with teleop_terminal(drive) as seat:
         hold_without_lag(lambda: held(drive, seat, "i", delay=1.0))
         strokes = hold_without_lag(lambda: held(drive, seat, ",", delay=1.0))
-        assert moved_smoothly(drive, strokes)
+        assert_moved_smoothly(drive, strokes)
         assert_stopped_soon(drive, strokes)
 
 
 def test_two_keys_follow_each_other_without_a_stop_between(drive: SimulatedRobot) -> None:
     with teleop_terminal(drive) as seat:
         strokes = hold_without_lag(lambda: held(drive, seat, "i", "u", seconds=0.8))
-        assert moved_smoothly(drive, strokes)
+        assert_moved_smoothly(drive, strokes)
         turning = strokes.times[len(strokes.times) // 2 :]
         assert min(each.speed for each in drive.samples_between(turning[0], turning[-1])) > 0.95 * MAX_SPEED
         assert_stopped_soon(drive, strokes)
