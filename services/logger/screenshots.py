@@ -9,10 +9,11 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from PIL import Image
@@ -26,6 +27,8 @@ from services.logger.scene import ARM_LABEL_HEIGHT, DISC_MARGIN
 from services.logger.viewer import RERUN, VIEWER_ENVIRONMENT
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.ports import free_port
+
+T = TypeVar("T")
 
 REPAIR_TIMEOUT_S = 120.0
 """Maximum wall time of the repair [s]."""
@@ -158,7 +161,7 @@ PALETTE_SIZE = 256
 LOAD_TIMEOUT_S = 60.0
 """Maximum wall time [s] for the viewer to start and load the recording; a lap of four robots takes about 2 s."""
 DRAW_TIMEOUT_S = 60.0
-"""Maximum wall time [s] to draw one image, in software on a busy machine."""
+"""Maximum wall time [s] of one request to the viewer, which may have to draw first, in software on a busy machine."""
 SETTLE_TIMEOUT_S = 30.0
 """Maximum wall time [s] for the image to settle."""
 SETTLE_PERIOD_S = 0.7
@@ -197,15 +200,15 @@ def _capture(
     """Take screenshots of ``file``, the recording ``rrd`` or its repaired copy."""
     with headless_viewer(file, size) as viewer:
         timeline, end = _timeline(viewer)
-        whole = viewer.get_blueprint(of="recording").blueprint
+        whole = wait_for_reply(partial(viewer.get_blueprint, of="recording")).blueprint
         for shot in shots:
             now = end if shot.at is None else shot.at
             layout = whole
             if shot.robot:
                 place = robot_position(file, shot.robot, timeline, now)
                 layout = close_view(whole, robots[shot.robot], shot.robot, place)
-            viewer.set_blueprint(layout, of="recording")
-            viewer.set_time(timeline, duration=now, play_state="paused")
+            wait_for_reply(partial(viewer.set_blueprint, layout, of="recording"))
+            wait_for_reply(partial(viewer.set_time, timeline, duration=now, play_state="paused"))
             _write(shot.png, _cropped(_settled_image(viewer)))
             _check(viewer, rrd)
 
@@ -258,20 +261,21 @@ def _loaded(process: subprocess.Popen[bytes], url: str, rrd: Path) -> ViewerClie
         try:
             viewer = viewer or ViewerClient.connect(url)
             state = viewer.get_state()
+            errors = [each.message for each in viewer.get_logs() if each.level == "ERROR"]
         except (RuntimeError, ConnectionError, TimeoutError):
             viewer = None
         else:
             if state.recordings and not state.loading and state.recordings[0].timelines:
                 return viewer
-            if refused := [each.message for each in viewer.get_logs() if each.level == "ERROR"]:
-                raise BadInput(f"{rrd} cannot be shown: {refused[-1]}")
+            if errors:
+                raise BadInput(f"{rrd} cannot be shown: {errors[-1]}")
         time.sleep(0.1)
     raise BadInput(f"the viewer did not show {rrd} within {LOAD_TIMEOUT_S:.0f} s of wall time")
 
 
 def _timeline(viewer: ViewerClient) -> tuple[str, float]:
     """Return the initial timeline of the recording, and its end [s]."""
-    recording = viewer.get_state().recordings[0]
+    recording = wait_for_reply(viewer.get_state).recordings[0]
     name = recording.current_timeline or TIMELINE
     ends = [each.end for each in recording.timelines if each.name == name and each.end is not None]
     return name, (ends[0] if ends else 0) / 1e9
@@ -280,29 +284,32 @@ def _timeline(viewer: ViewerClient) -> tuple[str, float]:
 def _settled_image(viewer: ViewerClient) -> bytes:
     """Return a PNG of the view once it no longer changes and is complete; the last one if it never settles."""
     deadline = time.monotonic() + SETTLE_TIMEOUT_S
-    before, now = b"", _image(viewer)
+    before, now = b"", wait_for_reply(viewer.take_screenshot)
     while time.monotonic() < deadline:
-        if now == before and not viewer.get_transform_graph()["missing_chunks"]:
+        if now == before and not wait_for_reply(viewer.get_transform_graph)["missing_chunks"]:
             break
         time.sleep(SETTLE_PERIOD_S)
-        before, now = now, _image(viewer)
+        before, now = now, wait_for_reply(viewer.take_screenshot)
     return now
 
 
-def _image(viewer: ViewerClient) -> bytes:
-    """Return a PNG of the view; raises TimeoutError if it is not drawn within DRAW_TIMEOUT_S."""
+def wait_for_reply(ask: Callable[[], T]) -> T:
+    """Repeat a request to the viewer until it replies; raises TimeoutError after DRAW_TIMEOUT_S.
+
+    Its client waits for 15 s at most, and a viewer that draws does not reply.
+    """
     deadline = time.monotonic() + DRAW_TIMEOUT_S
     while True:
         try:
-            return viewer.take_screenshot()
-        except TimeoutError:  # the client itself waits for 15 s at most
+            return ask()
+        except TimeoutError:
             if time.monotonic() > deadline:
                 raise
 
 
 def _check(viewer: ViewerClient, rrd: Path) -> None:
     """Raise BadInput for a view that reports an error."""
-    for view in viewer.get_state().views:
+    for view in wait_for_reply(viewer.get_state).views:
         for report in view.reports:
             if report.severity == "error":
                 raise BadInput(f"{rrd}: the view {view.name!r} cannot be drawn: {report.summary}")

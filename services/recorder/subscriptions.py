@@ -119,7 +119,7 @@ def _topic(name: str, record: type[Message], quality: str) -> Topic[Any]:
 
 
 def _capacity(topic: Topic[Any]) -> int:
-    """Return the ring size for a topic. Its limit does not count: a recorder takes larger messages than others do."""
+    """Return the ring size for a topic, by the limit that its other subscribers have: the recorder's own is higher."""
     ros_type = topic.record.ROS_TYPE
     limit = limit_of(topic.name, ros_type)
     return foreign_queue_size(ros_type) if limit is None else queue_size(limit, topic.quality is Quality.EVENT)

@@ -199,7 +199,7 @@ class Transport(Protocol):
         """Query all servers of ``key`` and wait at most ``timeout`` [s].
 
         Returns:
-            The reply of each server, and at least one error TIMEOUT if any is missing; empty without servers.
+            The reply of each server, and one error TIMEOUT if any is missing; empty without servers.
         """
         ...
 

@@ -158,18 +158,24 @@ class MemoryQuery:
 
 
 class MemoryPendingReplies:
-    """A query to several servers; TIMEOUT stands for a missing reply."""
+    """A query to several servers."""
 
     def __init__(self, asked: list[MemoryQuery], timeout: float) -> None:
         self._asked, self._deadline = asked, time.monotonic() + timeout
 
     def poll(self) -> Sequence[Reply] | None:
         if all(each.answer for each in self._asked) or time.monotonic() > self._deadline:
-            return [each.answer or Reply(False, TIMEOUT) for each in self._asked]
+            return _replies(self._asked)
         return None
 
     def received(self) -> Sequence[Reply]:
         return [each.answer for each in self._asked if each.answer]
+
+
+def _replies(asked: Collection[MemoryQuery]) -> list[Reply]:
+    """Return the replies, and one TIMEOUT if any is missing."""
+    received = [each.answer for each in asked if each.answer]
+    return received if len(received) == len(asked) else [*received, Reply(False, TIMEOUT)]
 
 
 class MemoryServer:
@@ -285,7 +291,7 @@ class MemoryTransport:
         with self._bus.changed:
             asked = self._send_query(key, payload)
             self._bus.changed.wait_for(lambda: all(each.answer for each in asked), timeout)
-        return [each.answer or Reply(False, TIMEOUT) for each in asked]
+        return _replies(asked)
 
     def query_async(
         self,

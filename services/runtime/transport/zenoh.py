@@ -307,7 +307,7 @@ class ZenohPendingReplies:
             while (reply := self._replies.try_recv()) is not None:
                 self._answers += answers(reply)
         except zenoh.ZError:
-            return self._answers
+            return _with_one_timeout(self._answers)
         return None
 
     def received(self) -> list[Reply]:
@@ -333,7 +333,7 @@ class ZenohNotifyingReplies:
         self._notify()
 
     def poll(self) -> list[Reply] | None:
-        return self._answers if self._complete else None
+        return _with_one_timeout(self._answers) if self._complete else None
 
     def received(self) -> list[Reply]:
         return _of_servers(self._answers)
@@ -341,6 +341,12 @@ class ZenohNotifyingReplies:
 
 def _of_servers(replies: Iterable[Reply]) -> list[Reply]:
     return [each for each in replies if each.ok or each.payload != TIMEOUT]
+
+
+def _with_one_timeout(replies: list[Reply]) -> list[Reply]:
+    """Return the replies with at most one TIMEOUT: the router and this session may both report a missing reply."""
+    received = _of_servers(replies)
+    return received if len(received) == len(replies) else [*received, Reply(False, TIMEOUT)]
 
 
 def answers(reply: Any) -> list[Reply]:
@@ -472,7 +478,7 @@ class ZenohTransport:
 
     def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
         replies = self._zenoh.get(key, payload=payload, timeout=timeout, **_EVERYBODY)
-        return [each for reply in replies for each in answers(reply)]
+        return _with_one_timeout([each for reply in replies for each in answers(reply)])
 
     def query_async(
         self,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import psutil
 import pytest
 
-from services.logger.screenshots import Screenshot, headless_viewer, screenshots
+from services.logger.screenshots import Screenshot, headless_viewer, screenshots, wait_for_reply
 from services.runtime.errors import BadInput
 from tests.services.logger.conftest import LENGTH_S, RecordedDrive
 
@@ -17,11 +18,11 @@ PACKAGES = r"libvulkan1 mesa-vulkan-drivers"
 @pytest.mark.process
 def test_the_viewer_reports_nothing_wrong(driven: RecordedDrive) -> None:
     with headless_viewer(driven.file) as viewer:
-        viewer.set_time("sim_time", duration=30.0, play_state="paused")
-        viewer.take_screenshot()
-        state = viewer.get_state()
-        graph = viewer.get_transform_graph(frame_filter="named")
-        errors = [each.message for each in viewer.get_logs() if each.level == "ERROR"]
+        wait_for_reply(partial(viewer.set_time, "sim_time", duration=30.0, play_state="paused"))
+        wait_for_reply(viewer.take_screenshot)
+        state = wait_for_reply(viewer.get_state)
+        graph = wait_for_reply(partial(viewer.get_transform_graph, frame_filter="named"))
+        errors = [each.message for each in wait_for_reply(viewer.get_logs) if each.level == "ERROR"]
     assert [(view.name, view.reports) for view in state.views if view.reports] == []
     assert errors == []
     assert {view.view_class for view in state.views} == {"3D", "TimeSeries", "TextLog"}
@@ -52,6 +53,20 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"bad\.rrd is not a recording"):
         screenshots(tmp_path / "bad.rrd", [Screenshot(tmp_path / "run.png")])
     assert children() == []
+
+
+def test_a_viewer_that_draws_is_asked_again_until_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    busy = iter([True, True, False, True])
+
+    def ask() -> str:
+        if next(busy):
+            raise TimeoutError
+        return "drawn"
+
+    assert wait_for_reply(ask) == "drawn"
+    monkeypatch.setattr("services.logger.screenshots.DRAW_TIMEOUT_S", 0.0)
+    with pytest.raises(TimeoutError):
+        wait_for_reply(ask)
 
 
 def children() -> list[str]:
