@@ -141,7 +141,8 @@ def _finish(terminal: CommandLine, started: subprocess.Popen[str], mode: str, fl
     missed = {each["name"] for each in report["checks"] if not each["ok"]} - PACE[mode]
     if flooded and report["run"]["messages_lost"] == report["robots"][flooded]["messages_lost"]:
         missed.discard("messages_lost")
-    assert not missed, f"{missed}\n{ended.err}"
+    lost = {robot: each["messages_lost"] for robot, each in report["robots"].items() if each["messages_lost"]}
+    assert not missed, f"{missed}; messages lost: {lost} of {report['run']['messages_lost']}\n{ended.err}"
     return ScriptRun(report, terminal.folder / "results" / "logs")
 
 

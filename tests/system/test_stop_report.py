@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import signal
+import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -20,7 +22,8 @@ from tests.harness.waiting import wait_until
 pytestmark = pytest.mark.waits
 
 TIMEOUT, BRAKE, SPEED = 0.25, 1.5, 0.5
-TRIES = 5
+TRIES, LATE_S = 5, TIMEOUT / 2
+"""A try in which this test sent a command so late [s of wall time] says nothing about the base or the grader."""
 
 
 def test_a_stop_is_measured_within_five_per_cent_of_the_theory(tmp_path: Path) -> None:
@@ -28,18 +31,18 @@ def test_a_stop_is_measured_within_five_per_cent_of_the_theory(tmp_path: Path) -
     with Network(tmp_path) as network:
         network.start("sim", "--param", f"robots={json.dumps(robots)}", "--param", "mode=real")
         tries = (measured_stop(network, tmp_path / str(number)) for number in range(TRIES))
-        figures = next((each for each in tries if each.commands_timed_out == 1), None)
-    assert figures is not None, f"the commands of this test were late in each of {TRIES} tries"
+        figures = next((each for each, late in tries if late < LATE_S), None)
+    assert figures is not None, f"a command of this test was late in each of {TRIES} tries"
     theory = predict_stop(SPEED, TIMEOUT, BRAKE)
-    assert figures.stops == 1
+    assert (figures.stops, figures.commands_timed_out) == (1, 1)
     assert figures.stop_speed == pytest.approx(SPEED, rel=0.01)
     assert figures.stop_distance_theory_m == pytest.approx(theory.distance, rel=0.02)
     assert figures.stop_distance_m == pytest.approx(theory.distance, rel=0.05)
     assert figures.stop_time_s == pytest.approx(theory.time, rel=0.05)
 
 
-def measured_stop(network: Network, folder: Path) -> RobotFigures:
-    """Drive, send no more commands, and return the grader's figures; a late command is one more time-out in them."""
+def measured_stop(network: Network, folder: Path) -> tuple[RobotFigures, float]:
+    """Drive, then send no more commands; return the grader's figures and the longest gap [s] between two commands."""
     folder.mkdir()
     halting = [{"name": "p3dx", "timeout": TIMEOUT, "brake": BRAKE}]
     settings = {"robots": ["p3dx"], "halting": halting, "ends": "never", "output": str(folder)}
@@ -52,8 +55,11 @@ def measured_stop(network: Network, folder: Path) -> RobotFigures:
         )
         commands = node.advertise(CMD_VEL, "/p3dx/cmd_vel")
 
+        sent: list[float] = []
+
         def cruising() -> bool:
             commands.publish(Twist.planar(SPEED, 0.0))
+            sent.append(time.monotonic())
             return speed(truth.wait_next()) > 0.999 * SPEED
 
         wait_until(truth.received, 30.0, "ground truth")
@@ -64,4 +70,4 @@ def measured_stop(network: Network, folder: Path) -> RobotFigures:
         truth.wait_after(1.0)
         grader.signal(signal.SIGINT)
         assert grader.wait() == 0, grader.text
-    return read_measurements(folder).robots["p3dx"]
+    return read_measurements(folder).robots["p3dx"], max(later - earlier for earlier, later in pairwise(sent))

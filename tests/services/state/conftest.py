@@ -39,6 +39,13 @@ class TfHarness:
         self.frames.refresh()
         return self.frames
 
+    def stamps(self, frame: str) -> list[int]:
+        """Return the stamps [ns] of a moving frame since the last poll."""
+        moving = self.node.subscribe(TF)
+        self.node.update_subscribers()
+        each_sent = (each for message, _ in moving.messages for each in message.transforms)
+        return [each.header.stamp.ns for each in each_sent if each.child_frame_id == frame]
+
     def run_command(self, *arguments: str, within: float = 60.0) -> subprocess.CompletedProcess[str]:
         """Run a command on this network to its end."""
         return run_verb(*arguments, "--connect", self.network.endpoint, within=within)

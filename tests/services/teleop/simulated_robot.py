@@ -63,7 +63,6 @@ class SimulatedRobot:
 
     def first_zero_after(self, instant: float) -> CommandSample:
         """Wait for the first zero command sent after a time [s, ``time.monotonic``] and return it."""
-
         begin = wall_ns(instant)
 
         def found() -> list[CommandSample]:
