@@ -64,8 +64,7 @@ def repaired(rrd: Path, folder: Path) -> Path:
 def _read_error(rrd: Path) -> str:
     """Explain why rerun cannot read the file; empty if it can."""
     try:
-        with warnings.catch_warnings(action="ignore"):
-            recordings = RrdReader(rrd).recordings()
+        recordings = _reader(rrd).recordings()
     except RuntimeError as error:
         return str(error)
     return "" if recordings else "it holds no recording"
@@ -74,10 +73,15 @@ def _read_error(rrd: Path) -> str:
 def _has_times(rrd: Path) -> bool:
     """Whether anything in a recording has a time; raises BadInput for a damaged one."""
     try:
-        with warnings.catch_warnings(action="ignore"):
-            return any(chunk.timeline_names for chunk in RrdReader(rrd).stream())
+        return any(chunk.timeline_names for chunk in _reader(rrd).stream())
     except RuntimeError as error:
         raise BadInput(f"{rrd} is damaged: {error}") from None
+
+
+def _reader(rrd: Path) -> RrdReader:
+    """Open a recording without rerun's warning about a missing footer: a run is written as it goes, and has none."""
+    with warnings.catch_warnings(action="ignore"):
+        return RrdReader(rrd)
 
 
 Layout = dict[str, Any]
@@ -93,7 +97,7 @@ EYE_DISTANCE, EYE_DISTANCE_RADII = 0.7, 5.0
 def robot_radii(rrd: Path) -> dict[str, float]:
     """Return the robots of a recording with the radius [m] of their footprint; 0 for an arm."""
     found: dict[str, float] = {}
-    for chunk in RrdReader(rrd).stream():
+    for chunk in _reader(rrd).stream():
         name, _, rest = chunk.entity_path.removeprefix("/").partition("/")
         if rest == "marker/name":
             found.setdefault(name, 0.0)
@@ -106,7 +110,7 @@ def robot_radii(rrd: Path) -> dict[str, float]:
 def robot_position(rrd: Path, robot: str, timeline: str, at: float) -> Point:
     """Return the true position of a robot's base [m] at a time [s]; raises BadInput if it is not in the recording."""
     latest, place = -1, None
-    for chunk in RrdReader(rrd).stream():
+    for chunk in _reader(rrd).stream():
         if chunk.entity_path != entity_paths.transforms(robot) or timeline not in chunk.timeline_names:
             continue
         batch = chunk.to_record_batch()

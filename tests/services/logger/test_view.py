@@ -123,6 +123,7 @@ def test_a_run_without_a_recording_is_told_from_a_folder_of_another_kind(tmp_pat
     assert "give its fleet a [[service]] of kind logger" in str(view(tmp_path).exception)
 
 
+@pytest.mark.filterwarnings("error")
 def test_where_a_robot_is_is_read_from_the_recording(run: Path) -> None:
     assert robot_position(run / "run.rrd", "arm", "sim_time", UP) == pytest.approx((*PLACE, 0.0))
     assert robot_position(run / "run.rrd", "tb3_3", "sim_time", 1.0)[1] == pytest.approx(1.5, abs=0.01)
