@@ -27,6 +27,7 @@ from tests.faults.services.faulty_controller import FULL_SPEED as FORWARD
 from tests.harness.ports import free_port
 from tests.harness.processes import Process
 from tests.harness.robot_recorder import FULL_SPEED, RobotRecorder
+from tests.harness.stopping import stop_process
 from tests.harness.waiting import wait_until
 
 START_S = 60.0
@@ -180,13 +181,12 @@ class SupervisedFleet:
 
 def send_signal(pid: int, number: signal.Signals) -> int:
     """Signal a process; return the time [ns, machine's clock] after which it has stopped or, with SIGCONT, may run."""
-    process, before = psutil.Process(pid), time.time_ns()
-    process.send_signal(number)
-    if number is signal.SIGCONT:
-        return before
+    before = time.time_ns()
     if number is signal.SIGSTOP:
-        wait_until(lambda: process.status() == psutil.STATUS_STOPPED)
-    return time.time_ns()
+        stop_process(pid)
+    else:
+        psutil.Process(pid).send_signal(number)
+    return before if number is signal.SIGCONT else time.time_ns()
 
 
 def _runs(process: psutil.Process) -> bool:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
-import psutil
 import pytest
 
 from messages.base import encode
@@ -16,6 +14,7 @@ from services.runtime.requests import call
 from services.runtime.transport.unix_sockets import router_endpoint
 from tests.deploy.supervisor.supervisor_harness import has_ended
 from tests.deploy.test_run import FleetCommandLine
+from tests.harness.stopping import stop_process
 from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.waits
@@ -62,7 +61,7 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
             wait_until(lambda: all(each.poll() is not None for each in both), 30)
         terminal.wait_until_ready("r/waypoint", 0)
         hung = terminal.processes()["hung"]["pid"]
-        psutil.Process(terminal.processes()["sim"]["pid"]).send_signal(signal.SIGSTOP)
+        stop_process(terminal.processes()["sim"]["pid"])
         down = terminal.start("down")
         out, err = down.communicate(timeout=90)
         assert (down.returncode, out) == (0, f"one has stopped; results in {terminal.results}\n"), err

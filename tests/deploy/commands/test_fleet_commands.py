@@ -15,6 +15,7 @@ from services.runtime.errors import BadInput
 from tests.deploy.test_run import FleetCommandLine
 from tests.harness.ports import free_port
 from tests.harness.processes import Process
+from tests.harness.stopping import stop_process
 from tests.harness.waiting import wait_until
 
 CONTROLLER = """
@@ -126,7 +127,7 @@ def test_ping_measures_the_loop_of_a_node(terminal: FleetCommandLine) -> None:
         assert 0 < told["min_ms"] <= told["mean_ms"] <= told["max_ms"]
     terminal.run("node", "ping", "/nobody", status=2)
     pid = terminal.processes()["r/waypoint"]["pid"]
-    os.kill(pid, signal.SIGSTOP)
+    stop_process(pid)
     try:
         out = terminal.run("node", "ping", "/r/waypoint", "-n", "1", "--timeout", "0.5", status=1)
     finally:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ from models.yaml_reader import read_yaml
 from services.runtime.process import ROOT
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
 from tests.harness.fork_server import run_verb
+from tests.harness.stopping import stop_process
 from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.waits
@@ -212,7 +212,7 @@ def test_other_shells_ask_the_script_by_its_place(shell: str) -> None:
 def test_a_router_that_hangs_delays_no_completion(running: BackgroundFleet) -> None:
     [told] = running.run_json("ps")
     router = next(each["pid"] for each in told["processes"] if each["name"] == "router")
-    os.kill(router, signal.SIGSTOP)
+    stop_process(router)
     began = time.monotonic()
     found = completed(running, "topic", "echo", "/tb3_0/")
     took = time.monotonic() - began

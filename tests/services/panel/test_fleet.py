@@ -23,6 +23,7 @@ from services.panel.address import ADDRESS_FILE, read_address
 from services.runtime.process import ROOT
 from tests.harness.ports import free_port
 from tests.harness.processes import Network, Process
+from tests.harness.stopping import stop_process
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import ROBOTS, WITHIN_S, PanelFleet
 from tests.services.panel.page_client import page_client, send, wait_message
@@ -97,7 +98,7 @@ def test_it_listens_on_the_loopback_alone(fleet: PanelFleet) -> None:
 
 def test_a_request_to_a_process_that_hangs_is_given_up_in_time(fleet: PanelFleet) -> None:
     params = fleet.processes["params"]
-    os.kill(params.pid, signal.SIGSTOP)
+    stop_process(params.pid)
     with page_client(fleet.address) as at:
         send(at, k="subscribe", channels=["clock"])
         send(at, k="set", id=5, set="/tb3_0/waypoint", values={"max_linear": 0.2}, run=True)

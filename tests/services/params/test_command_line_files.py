@@ -12,6 +12,7 @@ import yaml
 from messages.parameters import HistoryOf
 from messages.requests import PARAMS_HISTORY
 from services.runtime.requests import call
+from tests.harness.stopping import stop_process
 from tests.services.params.cli_harness import ParameterServiceProcess, RunCommand
 from tests.services.params.parameter_client import value_dict
 
@@ -82,7 +83,7 @@ def test_a_file_of_one_set(param: RunCommand, service: ParameterServiceProcess, 
 
 def test_an_answer_that_does_not_come_is_told_as_it_is(param: RunCommand, service: ParameterServiceProcess) -> None:
     """The service is stopped at first, then gone."""
-    service.service.signal(signal.SIGSTOP)
+    stop_process(service.service.pid)
     try:
         said = param("list", "-t", "0.5")
     finally:

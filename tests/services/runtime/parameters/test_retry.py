@@ -22,6 +22,7 @@ from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.processes import Network
+from tests.harness.stopping import stop_process
 
 pytestmark = pytest.mark.waits
 
@@ -120,7 +121,7 @@ def test_a_network_that_is_too_busy_to_say_who_is_there_is_asked_again(tmp_path:
         Network(tmp_path) as network,
         ZenohTransport(configuration("star", (network.endpoint,), reliable=True)) as transport,
     ):
-        network.router.signal(signal.SIGSTOP)
+        stop_process(network.router.pid)
         began = time.monotonic()
         try:
             with pytest.raises(CallFailed, match="nothing was sent to /sim/step: the network has not said"):

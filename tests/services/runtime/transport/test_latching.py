@@ -10,7 +10,6 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import psutil
 import pytest
 import zenoh
 from zenoh.handlers import Callback
@@ -23,6 +22,7 @@ from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
 from tests.harness.external_client import external_client
 from tests.harness.ports import free_port
+from tests.harness.stopping import stop_process
 from tests.harness.waiting import wait_until
 
 TOPICS, BYTES = 60, 100_000
@@ -62,12 +62,6 @@ def peer(router: str) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.kill()
-
-
-def stop(pid: int) -> None:
-    """Stop a process with SIGSTOP and wait until it has stopped."""
-    os.kill(pid, signal.SIGSTOP)
-    wait_until(lambda: psutil.Process(pid).status() == psutil.STATUS_STOPPED, 20.0, "a process that stands still")
 
 
 def _said(process: subprocess.Popen[str]) -> str:
@@ -173,7 +167,7 @@ def test_a_publisher_that_hangs_keeps_nobody_elses_samples_back(router: str) -> 
         kept = third.advertise("theirs/0", "test", Quality.LATCHED)
         kept.put(b"kept", attachment=b"")
         wait_until(lambda: len(transport.tokens("theirs/0/@adv/**")) == 2, 20.0, "both publishers")
-        stop(other.pid)
+        stop_process(other.pid)
         try:
             late = transport.subscribe("theirs/0", 4, latched=True)
             got: list[bytes] = []
@@ -201,7 +195,7 @@ def test_a_strangers_sample_with_its_timestamp_does_not_silence_what_is_kept(rou
         keys = wait_until(lambda: stranger_tokens(stranger), 20.0, "the publisher")
         answers = stranger.get(keys[0], accept_replies=zenoh.ReplyKeyExpr.ANY)
         kept = next(reply.ok for reply in answers if reply.ok is not None)
-        stop(other.pid)
+        stop_process(other.pid)
         try:
             late = transport.subscribe("theirs/0", 4, latched=True)
             forger = stranger.declare_publisher("theirs/0", congestion_control=zenoh.CongestionControl.BLOCK)

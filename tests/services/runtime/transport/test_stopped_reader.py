@@ -17,6 +17,7 @@ from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
 from tests.harness.ports import free_port
+from tests.harness.stopping import stop_process
 from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.waits
@@ -66,7 +67,7 @@ def test_it_reads_all_that_was_sent_meanwhile() -> None:
 
         send("first")
         for reader, _ in readers:
-            os.kill(reader.pid, signal.SIGSTOP)
+            stop_process(reader.pid)
         until = time.monotonic() + STOPPED_S
         while time.monotonic() < until:
             send(str(len(sent)))

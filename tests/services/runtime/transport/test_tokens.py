@@ -13,6 +13,7 @@ from services.runtime.errors import TryAgain
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.processes import Network
+from tests.harness.stopping import stop_process
 from tests.harness.waiting import wait_until
 from tests.services.runtime.transport.conftest import Connect
 
@@ -72,7 +73,7 @@ def test_a_network_that_does_not_answer_is_told_from_one_without_tokens(tmp_path
         ZenohTransport(configuration("star", (network.endpoint,), reliable=True)) as transport,
     ):
         assert transport.all_tokens("@elea/*/*", 20.0) == []
-        os.kill(network.router.pid, signal.SIGSTOP)
+        stop_process(network.router.pid)
         try:
             assert transport.tokens("@elea/*/*", 0.1) == []
             with pytest.raises(TryAgain, match=r"has not said within 0\.1 s who is there"):
