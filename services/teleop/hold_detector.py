@@ -43,7 +43,7 @@ class HoldDetector:
         key: The last key.
         last_time: Time of its last event [s], as it was read.
         last_stall: How much earlier that event may have occurred [s].
-        gaps: The last two gaps between its events [s], at most.
+        gaps: The last two gaps between its events that may be the keyboard's delay [s], at most.
         intervals: Intervals between repeats [s]; empty until repeats are seen.
         held_until: Time [s] until which the key counts as held, inclusive.
     """
@@ -76,7 +76,7 @@ def pressed(man: HoldDetector, key: str, at: float, stall: float = 0.0) -> HoldD
     until = at + man.first_timeout
     if gap < BURST_S:
         return replace(man, last_time=at, last_stall=stall, held_until=until)
-    gaps = man.gaps[1], gap + man.last_stall
+    gaps = (inf, inf) if man.intervals else (man.gaps[1], gap + man.last_stall)
     return replace(man, key=key, last_time=at, last_stall=stall, gaps=gaps, intervals=(), held_until=until)
 
 
@@ -96,9 +96,10 @@ def _learned_timeout(man: HoldDetector) -> float:
     """Return the new time-out of first events [s], once repeats are seen for the first time in a hold.
 
     The event before the repeats was the delayed one. A longer delay is adopted at once, a shorter one by half, as the
-    first event may have been read late. A last gap as short as between repeats is one that was read late. Nothing is
-    learned when two gaps may both be the delay: either the key was tapped before it was held, or one of its first
-    repeats was very late on a busy machine.
+    first event may have been read late. A last gap as short as between repeats is one that was read late. The gap after
+    a repeat is not the delay: the key was released and pressed again, or the repeats stalled. Nothing is learned when
+    two gaps may both be the delay: either the key was tapped before it was held, or one of its first repeats was very
+    late on a busy machine.
     """
     before, last = man.gaps
     delay, previous = (last, before) if last > MAX_REPEAT_INTERVAL_S else (before, inf)

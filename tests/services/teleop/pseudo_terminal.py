@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import select
@@ -12,6 +13,7 @@ import termios
 import threading
 import time
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -19,16 +21,20 @@ from services.runtime.process import PARENT, ROOT
 from tests.harness.fork_children import is_forkable
 from tests.harness.fork_server import ForkedProcess
 from tests.harness.waiting import wait_until
+from tests.services.teleop import typing_program
+from tests.services.teleop.key_repeat import key_repeat
 
 END_S = 20.0
 """Wall time limit for a program to end."""
+MAX_LATE_S = 0.05
+"""Half of what teleop forgives [s]: ``DELAY_MARGIN_S`` after the first event, thrice the interval after a repeat."""
 
 # The shell leads a new session: the terminal that it opens becomes that session's controlling terminal.
 _ATTACH_TERMINAL = 'exec "$@" <>"$0" >&0 2>&0'
 
 
 class KeyEvents(NamedTuple):
-    """Times [s, ``time.monotonic``] at which a key's events were written; ``late`` [s] is the largest delay to plan."""
+    """Times [s, ``time.monotonic``] at which keys were typed; ``late`` [s]: by how much a gap was too long."""
 
     times: tuple[float, ...]
     late: float
@@ -88,16 +94,27 @@ class PseudoTerminal:
         os.write(self._master, keys.encode())
         return now
 
-    def hold(self, key: str, seconds: float, delay: float = 0.5, interval: float = 0.03) -> KeyEvents:
-        """Hold a key for ``seconds``: its first event, the next after ``delay`` [s], then one each ``interval`` [s]."""
-        start, due, late = time.monotonic(), 0.0, 0.0
-        times: list[float] = []
-        while due <= seconds:
-            time.sleep(max(0.0, start + due - time.monotonic()))
-            times.append(self.type(key))
-            late = max(late, times[-1] - start - due)
-            due += interval if times[1:] else delay
-        return KeyEvents(tuple(times), late)
+    def hold(self, keys: str, seconds: float, delay: float = 0.5, interval: float = 0.03) -> KeyEvents:
+        """Hold one key after the other for ``seconds`` each: its first event, the next after ``delay`` [s], then one
+        each ``interval`` [s].
+        """
+        events = [
+            (key, time)
+            for number, key in enumerate(keys)
+            for time in key_repeat(number * (seconds + interval), seconds, delay, interval)
+        ]
+        # In a session of its own, which Linux schedules at once, however busy the test's own session is.
+        program = subprocess.run(
+            [sys.executable, "-S", "-P", typing_program.__file__, str(self._master), json.dumps(events)],
+            pass_fds=[self._master],
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            check=True,
+        )
+        times = tuple(json.loads(program.stdout))
+        behind = [typed - planned for typed, (_, planned) in zip(times, events, strict=True)]
+        return KeyEvents(times, max(now - before for before, now in pairwise(behind)))
 
     def send_signal(self, number: signal.Signals) -> float:
         """Send the program a signal; return the time before [s, ``time.monotonic``]."""
@@ -134,9 +151,9 @@ def _start(arguments: Sequence[str], terminal: str, environment: dict[str, str])
 
 
 def hold_without_lag(act: Callable[[], KeyEvents], tries: int = 10) -> KeyEvents:
-    """Repeat a hold, up to ``tries`` times, until the test's own delay is below 0.03 s."""
+    """Repeat a hold, up to ``tries`` times, until no gap between its events may be taken for a release."""
     for _ in range(tries):
         strokes = act()
-        if strokes.late < 0.03:
+        if strokes.late < MAX_LATE_S:
             return strokes
     raise AssertionError(f"no hold of {tries} went by without a lag")

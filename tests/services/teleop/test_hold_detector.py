@@ -51,6 +51,14 @@ def test_a_delay_beyond_the_first_time_out_lets_go_once_and_is_learned() -> None
     assert man.first_timeout == pytest.approx(1.0 + DELAY_MARGIN_S)
 
 
+def test_a_delay_is_learned_from_a_second_hold_of_the_key_soon_after_one_that_did_not_tell() -> None:
+    """A repeat of the first hold comes so late that it may have been the delay itself."""
+    man, _ = timeouts(FRESH, [0.0, 1.0, 1.25, 1.28, 1.31])
+    assert man.first_timeout == FIRST_TIMEOUT_S
+    man, _ = timeouts(man, key_repeat(2.8, 1.5, 1.0, 0.03))
+    assert man.first_timeout == pytest.approx(1.0 + DELAY_MARGIN_S)
+
+
 def test_a_short_delay_is_learned_too_so_that_a_tap_is_short() -> None:
     man = FRESH
     for turn in range(8):
