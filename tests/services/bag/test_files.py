@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from mcap.reader import make_reader
@@ -86,6 +87,19 @@ def test_a_torn_file_is_read_up_to_its_last_whole_chunk(tmp_path: Path, share: f
     assert len(found) % 5 == 0, "chunks come whole"
     assert len(found) >= {0.999: 50, 0.7: 40, 0.5: 15, 0.1: 0}[share]
     assert "torn.mcap is torn" in bag_read.problems[0]
+
+
+def test_messages_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 0.0
+    monkeypatch.setattr(mcap_writer, "time", SimpleNamespace(monotonic=lambda: now))
+    with BagWriter(tmp_path / "bag") as bag:
+        write_messages(bag, drive_messages(0.0))
+        bag.flush_due()
+        before, _ = entries(tmp_path / "bag")
+        now = 0.9
+        bag.flush_due()
+        after, _ = entries(tmp_path / "bag")
+    assert (before, after) == ([], entries(tmp_path / "bag")[0])
 
 
 def test_every_cut_is_survived(tmp_path: Path) -> None:
