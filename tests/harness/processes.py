@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -102,6 +103,11 @@ class Process:
         """End it with SIGKILL."""
         self._child.kill()
         return self._child.wait(STOP_S)
+
+
+def parameter_options(values: Mapping[str, object]) -> list[str]:
+    """Return a service's options for these parameter values, which are written as JSON."""
+    return [word for name, value in values.items() for word in ("--param", f"{name}={json.dumps(value)}")]
 
 
 def start_service(name: str, *arguments: str, logs: Path, env: Mapping[str, str] | None = None) -> Process:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from messages.nav import Odometry
 from messages.topics import BASE_STATUS, GROUND_TRUTH
 from services.runtime import Parameters, Service, main
 from services.runtime.context import Context
-from tests.harness.processes import Network
+from tests.harness.processes import Network, parameter_options
 from tests.harness.waiting import wait_until
 
 NODE = "/lockstep_recorder"
@@ -50,8 +49,7 @@ class LockstepRecorder:
     ) -> None:
         self._output = folder / "seen"
         given = {"robots": list(robots), "tell": tell, "until": seconds, "output": str(self._output)}
-        words = [word for key, value in given.items() for word in ("--param", f"{key}={json.dumps(value)}")]
-        self._process = network.run(Path(__file__), "--lockstep", *words)
+        self._process = network.run(Path(__file__), "--lockstep", *parameter_options(given))
 
     def wait_tick(self) -> None:
         """Wait until it has reached the tick at ``tell``."""

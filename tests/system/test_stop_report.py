@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from messages.geometry import Twist
 from messages.topics import BASE_STATUS, CMD_VEL
 from models.dynamics import predict_stop
 from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, speed, time_of
-from tests.harness.processes import Network, Process
+from tests.harness.processes import Network, parameter_options
 from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.waits
@@ -27,8 +26,9 @@ def test_a_stop_is_measured_within_five_per_cent_of_the_theory(tmp_path: Path) -
     robots = [{"name": "p3dx", "model": "p3dx", "parameters": {"cmd_vel_timeout": TIMEOUT}}]
     halting = [{"name": "p3dx", "timeout": TIMEOUT, "brake": BRAKE}]
     with Network(tmp_path) as network, network.node() as node:
-        start(network, "sim", robots=robots, mode="real", factor=FACTOR)
-        grader = start(network, "grader", robots=["p3dx"], halting=halting, ends="never", output=str(tmp_path))
+        network.start("sim", *parameter_options({"robots": robots, "mode": "real", "factor": FACTOR}))
+        settings = {"robots": ["p3dx"], "halting": halting, "ends": "never", "output": str(tmp_path)}
+        grader = network.start("grader", *parameter_options(settings))
         truth = GroundTruthRecorder(node, "p3dx")
         base = MessageRecorder(node.subscribe(BASE_STATUS, "/p3dx/base_status"))
         commands = node.advertise(CMD_VEL, "/p3dx/cmd_vel")
@@ -51,8 +51,3 @@ def test_a_stop_is_measured_within_five_per_cent_of_the_theory(tmp_path: Path) -
     assert figures.stop_distance_theory_m == pytest.approx(theory.distance, rel=0.02)
     assert figures.stop_distance_m == pytest.approx(theory.distance, rel=0.05)
     assert figures.stop_time_s == pytest.approx(theory.time, rel=0.05)
-
-
-def start(network: Network, kind: str, **parameters: object) -> Process:
-    """Start a service with parameters."""
-    return network.start(kind, *(f"--param={key}={json.dumps(value)}" for key, value in parameters.items()))

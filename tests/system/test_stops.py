@@ -26,7 +26,7 @@ from models.model import read_model
 from services.runtime.step import STEP_NS
 from services.sim.parameters import BaseParameters
 from tests.harness.message_recorder import distance, speed, time_of
-from tests.harness.processes import Network
+from tests.harness.processes import Network, parameter_options
 from tests.harness.waiting import wait_until
 from tests.system import commander
 from tests.system.commander import HANGS, RATE, SPEEDS, End
@@ -71,8 +71,7 @@ class Drive:
     def __init__(self, network: Network, folder: Path, end: End, latency: int = 0) -> None:
         entries = [{"name": name, "model": "p3dx", "y": 2.0 * index} for index, name in enumerate(SPEEDS)]
         settings = {"robots": entries, "mode": "lockstep", "latency": latency, "members": ["/commander", NODE]}
-        words = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
-        network.start("sim", "--lockstep", *words)
+        network.start("sim", "--lockstep", *parameter_options(settings))
         self.lockstep_recorder = LockstepRecorder(network, folder, list(SPEEDS), END + 1.2, END + latency * LOOK)
         ends = "--lockstep", "--param", f"end={json.dumps(end)}", "--param", f"at={END}"
         self.commander = network.run(Path(commander.__file__), *ends)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +13,7 @@ from messages.topics import TF_STATIC
 from services.runtime.node import Node
 from tests.harness.health import ask_health
 from tests.harness.message_recorder import GroundTruthRecorder, MessageRecorder
-from tests.harness.processes import Network, Process
+from tests.harness.processes import Network, Process, parameter_options
 from tests.harness.waiting import wait_until
 
 RESET_MONITOR = Path(__file__).with_name("reset_monitor.py")
@@ -52,7 +51,7 @@ def two_robot_simulation(logs: Path, mode: str = "real") -> Iterator[TwoRobotSim
     robots = [{"name": name, "model": "burger", "y": y, "parameters": exact} for name, y in STARTS.items()]
     lockstep = ["--lockstep"] if mode == "lockstep" else []
     settings = {"robots": robots, "mode": mode, "factor": FACTOR, "members": ["/reset_monitor"] if lockstep else []}
-    arguments = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
+    arguments = parameter_options(settings)
     with Network(logs) as network:
         sim = network.start("sim", *arguments, *lockstep)
         reset_monitor = network.run(RESET_MONITOR, *lockstep)

@@ -144,4 +144,4 @@ def test_completion_knows_sets_and_parameters_and_gives_up_in_time(service: Para
     assert of("set", "robot_control", part="ref") == ["ref_angle", "reference_type"]
     began = time.monotonic()
     assert of("get", part="", endpoint="tcp/127.0.0.1:1") == []
-    assert time.monotonic() - began < 5.0, "Zenoh itself gives up after 10 s"
+    assert time.monotonic() - began < 1.0

@@ -1,4 +1,4 @@
-"""The recorder as a real process: the topics that it records, a kill, and a full disk."""
+"""The recorder as a real process: the topics that it records, a kill that costs at most a second, and a full disk."""
 
 from __future__ import annotations
 
@@ -124,21 +124,22 @@ def test_it_takes_up_all_that_there_is_and_what_comes_later(network: Network, no
     node.unregister(clock, early, raw, late, told, step)
 
 
-def test_a_killed_recorder_has_lost_what_it_had_not_yet_written(network: Network, node: Node, tmp_path: Path) -> None:
+def test_a_killed_recorder_has_lost_a_second_at_most(network: Network, node: Node, tmp_path: Path) -> None:
     out = node.advertise(ODOM, "/k/odom")
     with record(network, node, tmp_path / "bag", "--param", 'topics=["/k/odom"]') as process:
         wait_until(lambda: out.has_subscribers)
-        for _ in range(100):
+        begun, sent = time.monotonic(), []
+        while time.monotonic() - begun < 1.6:
             out.publish(ODOM.record())
-        wait_until(lambda: len(read(tmp_path / "bag")) >= 100, what="messages on the disk")
-        for _ in range(100):
-            out.publish(ODOM.record())
+            sent.append(time.monotonic())
+            time.sleep(0.005)
+        killed = time.monotonic()
         process.kill()
     node.unregister(out)
     bag = open_bag(tmp_path / "bag")
     found = list(bag.entries())
     assert [each.sequence for each in found] == list(range(1, len(found) + 1))
-    assert 100 <= len(found) <= 200
+    assert len(found) >= sum(1 for at in sent if at < killed - 1.1)
     assert "torn" in bag.problems[0]
     terminal = CommandLine(tmp_path)
     shown = terminal.run("bag", "info", str(tmp_path / "bag"))

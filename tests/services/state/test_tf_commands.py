@@ -112,13 +112,14 @@ def test_it_is_shown_as_text_and_the_inverse_too(scene: TfHarness) -> None:
 
 
 def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
-    ran = scene.run_command("tf", "echo", "world", "a/base_link", "-n", "5", "--rate", "5", "--json")
+    ran = scene.run_command("tf", "echo", "world", "a/base_link", "-n", "9", "--rate", "5", "--json")
     assert ran.returncode == 0, ran.stderr
     times = [json.loads(line)["time"] for line in ran.stdout.splitlines()]
-    assert len(times) == 5
+    assert len(times) == 9
+    # A busy machine skips a period now and then.
     gaps = [later - earlier for earlier, later in pairwise(times[1:])]
     assert min(gaps) > 0.1, times
-    assert min(gaps) < 0.4, f"{times}: a busy machine skips a time, but not each"
+    assert median(gaps) == pytest.approx(0.2, abs=0.05), times
 
 
 def test_why_it_cannot_be_told(scene: TfHarness) -> None:

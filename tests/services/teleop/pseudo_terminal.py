@@ -21,20 +21,20 @@ from services.runtime.process import PARENT, ROOT
 from tests.harness.fork_children import is_forkable
 from tests.harness.fork_server import ForkedProcess
 from tests.harness.waiting import wait_until
-from tests.services.teleop import typing_program
+from tests.services.teleop import type_keys
 from tests.services.teleop.key_repeat import key_repeat
 
 END_S = 20.0
 """Wall time limit for a program to end."""
 MAX_LATE_S = 0.05
-"""Half of what teleop forgives [s]: ``DELAY_MARGIN_S`` after the first event, thrice the interval after a repeat."""
+"""How much longer than planned [s] a gap may be: half of ``DELAY_MARGIN_S``, and of ``MIN_REPEAT_TIMEOUT_S``."""
 
 # The shell leads a new session: the terminal that it opens becomes that session's controlling terminal.
 _ATTACH_TERMINAL = 'exec "$@" <>"$0" >&0 2>&0'
 
 
 class KeyEvents(NamedTuple):
-    """Times [s, ``time.monotonic``] at which keys were typed; ``late`` [s]: by how much a gap was too long."""
+    """Times [s, ``time.monotonic``] at which keys were typed; ``late`` [s]: how much too long a gap was."""
 
     times: tuple[float, ...]
     late: float
@@ -105,7 +105,7 @@ class PseudoTerminal:
         ]
         # In a session of its own, which Linux schedules at once, however busy the test's own session is.
         program = subprocess.run(
-            [sys.executable, "-S", "-P", typing_program.__file__, str(self._master), json.dumps(events)],
+            [sys.executable, "-S", "-P", type_keys.__file__, str(self._master), json.dumps(events)],
             pass_fds=[self._master],
             stdout=subprocess.PIPE,
             text=True,

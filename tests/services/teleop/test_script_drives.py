@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +14,7 @@ from models.model import WheelConfig, read_model
 from services.teleop.hold_detector import MIN_REPEAT_TIMEOUT_S
 from tests.harness.cases import case
 from tests.harness.message_recorder import distance, speed, time_of
-from tests.harness.processes import Network
+from tests.harness.processes import Network, parameter_options
 from tests.harness.robot_recorder import STANDSTILL_SPEED
 from tests.system.lockstep_recorder import NODE, LockstepRecorder
 
@@ -57,8 +56,8 @@ def driven(logs: Path, seconds: float, drives: dict[str, Drive]) -> dict[str, Dr
     with Network(logs) as network:
         spectator = LockstepRecorder(network, logs, list(drives), seconds)
         for where, kind, parameters in (("", "sim", settings), *drivers):
-            words = [w for key, value in parameters.items() for w in ("--param", f"{key}={json.dumps(value)}")]
-            network.start(kind, *(["--namespace", f"/{where}"] if where else []), "--lockstep", *words)
+            namespace = ["--namespace", f"/{where}"] if where else []
+            network.start(kind, *namespace, "--lockstep", *parameter_options(parameters))
         seen = spectator.recording()
         return {name: Driven(seen.truth[name], seen.status[name]) for name in drives}
 

@@ -1,4 +1,4 @@
-"""Types keys at given times: ``typing_program.py DESCRIPTOR [[KEY, SECONDS], ...]``; prints when each was typed."""
+"""Types keys at given times: ``type_keys.py DESCRIPTOR [[KEY, SECONDS], ...]``; prints when each was typed."""
 
 from __future__ import annotations
 
