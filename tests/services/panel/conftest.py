@@ -244,7 +244,9 @@ class PageOpener:
             return
         page.remove_listener("pageerror", self._note_error)
         page.remove_listener("console", self._note_line)
-        page.goto(f"{self._origin}/static/favicon.svg")  # at another origin its renderer process would end
+        # At another origin its renderer process would end. A file without a link to an icon would make the browser look
+        # for /favicon.ico, and the answer might be noted as an error of the next page.
+        page.goto(f"{self._origin}/static/locked.html")
         page.evaluate("localStorage.clear()")
         page.context.clear_cookies()
         self._kept.append(page)
@@ -264,7 +266,7 @@ class PageOpener:
         self._errors.append(str(error))
 
     def _note_line(self, line: ConsoleMessage) -> None:
-        self._errors += [line.text] if line.type == "error" else []
+        self._errors += [f"{line.text} ({line.location['url']})"] if line.type == "error" else []
 
 
 @pytest.fixture(scope="package")
