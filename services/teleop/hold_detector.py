@@ -29,6 +29,8 @@ KEPT_INTERVALS = 8
 """Number of intervals kept."""
 DELAY_MARGIN_S = 0.1
 """Time-out after a first event, relative to the learned delay."""
+MIN_DELAY_S = 0.14
+"""Shortest delay between a first event and its first repeat; a shorter gap may be one between slow repeats."""
 MAX_DELAY_S = 2.0
 """Longest delay between a first event and its first repeat."""
 
@@ -96,14 +98,14 @@ def _learned_timeout(man: HoldDetector) -> float:
     """Return the new time-out of first events [s], once repeats are seen for the first time in a hold.
 
     The event before the repeats was the delayed one. A longer delay is adopted at once, a shorter one by half, as the
-    first event may have been read late. A last gap as short as between repeats is one that was read late. The gap after
+    first event may have been read late. A last gap shorter than any delay is that of a repeat read late. The gap after
     a repeat is not the delay: the key was released and pressed again, or the repeats stalled. Nothing is learned when
     two gaps may both be the delay: either the key was tapped before it was held, or one of its first repeats was very
     late on a busy machine.
     """
     before, last = man.gaps
-    delay, previous = (last, before) if last > MAX_REPEAT_INTERVAL_S else (before, inf)
-    if MAX_REPEAT_INTERVAL_S < previous <= MAX_DELAY_S or not MAX_REPEAT_INTERVAL_S < delay <= MAX_DELAY_S:
+    delay, previous = (last, before) if last >= MIN_DELAY_S else (before, inf)
+    if MIN_DELAY_S <= previous <= MAX_DELAY_S or not MIN_DELAY_S <= delay <= MAX_DELAY_S:
         return man.first_timeout
     wanted = delay + DELAY_MARGIN_S
     return max(wanted, (man.first_timeout + wanted) / 2)

@@ -139,6 +139,17 @@ def test_a_late_repeat_is_not_taken_for_the_delay() -> None:
     assert let_go == []
 
 
+def test_a_late_repeat_of_a_slow_keyboard_is_not_taken_for_the_delay() -> None:
+    """The gaps after the delay are 0.09, 0.12 and 0.06 s, then 0.09 s."""
+    first, *repeats = key_repeat(0.0, 2.0, 0.5, 0.09)
+    repeats[2] += 0.03
+    man, let_go = timeouts(FRESH, [first, *repeats])
+    assert let_go == []
+    assert man.first_timeout == FIRST_TIMEOUT_S, "which gap was the delay is not known"
+    _, let_go = timeouts(reset(man), key_repeat(10.0, 2.0, 0.5, 0.09))
+    assert let_go == []
+
+
 @pytest.mark.parametrize("late", [0.035, 0.05, 0.07, 0.075])
 @pytest.mark.parametrize("repeat", [1, 2, 3])
 def test_the_delay_is_learned_though_a_repeat_is_read_late(late: float, repeat: int) -> None:
