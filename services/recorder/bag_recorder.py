@@ -135,8 +135,8 @@ class BagRecorder:
     def record_remaining(self, now: int) -> None:
         """Record what arrived after the last tick, at simulation time ``now`` [ns], with times after that tick.
 
-        No member has read it yet. A message without a stamp is placed 1 ns after the last clock before it, between two
-        steps.
+        No member has read it yet, and the simulation waits for the recorder. A message without a stamp is placed 1 ns
+        after the last clock before it, between two steps.
         """
         self._update_clock()
         wall = time.time_ns()

@@ -39,19 +39,16 @@ def run(ctx: Context[RecorderParameters]) -> None:
             else:
                 _record_messages(ctx, subscriptions, recorder)
         finally:
-            if ctx.lockstep:
-                node.update_subscribers()
-                recorder.record_remaining(ctx.now)
-            else:
-                time.sleep(REORDER_DELAY_S)
-                node.update_subscribers()
-                recorder.record(end=True)
             recorder.close()
             _report(ctx, bag, recorder)
 
 
 def _record_ticks(ctx: Context[RecorderParameters], subscriptions: Subscriptions, recorder: BagRecorder) -> None:
-    for tick in ctx.ticks(meanwhile=recorder.flush_due):
+    def record_remaining() -> None:
+        ctx.node.update_subscribers()
+        recorder.record_remaining(ctx.now)
+
+    for tick in ctx.ticks(meanwhile=recorder.flush_due, before_leaving=record_remaining):
         recorder.record_tick(tick.time)
         subscriptions.update()
         recorder.flush_due()
@@ -61,13 +58,18 @@ def _record_messages(ctx: Context[RecorderParameters], subscriptions: Subscripti
     """Record messages as they arrive, since simulation time may stand still or not exist."""
     ctx.node.declare_stepping(period_of(100, lockstep=False))
     ctx.node.heartbeat.state = "running"
-    while True:
-        ctx.idle()
+    try:
+        while True:
+            ctx.idle()
+            ctx.node.update_subscribers()
+            subscriptions.update()
+            recorder.record()
+            ctx.now = recorder.now
+            recorder.flush_due()
+    finally:
+        time.sleep(REORDER_DELAY_S)
         ctx.node.update_subscribers()
-        subscriptions.update()
-        recorder.record()
-        ctx.now = recorder.now
-        recorder.flush_due()
+        recorder.record(end=True)
 
 
 def _report(ctx: Context[RecorderParameters], bag: BagWriter, recorder: BagRecorder) -> None:

@@ -275,7 +275,11 @@ class Context(Generic[P]):
         return self._lockstep
 
     def ticks(
-        self, rate: float | None = None, meanwhile: Callable[[], None] | None = None, reports_reads: bool = False
+        self,
+        rate: float | None = None,
+        meanwhile: Callable[[], None] | None = None,
+        reports_reads: bool = False,
+        before_leaving: Callable[[], None] | None = None,
     ) -> Iterator[Tick]:
         """Yield ticks at the service's rate in simulation time, until the process is asked to end (Stopped).
 
@@ -285,6 +289,8 @@ class Context(Generic[P]):
             rate: replaces the declared rate [Hz], for services whose rate is a parameter.
             meanwhile: called at least ten times a second while the loop waits for the next tick.
             reports_reads: whether the loop adds subscriptions while it runs, which are then reported to lockstep.
+            before_leaving: called once the loop ends, while the simulation still waits for the node. After it, the
+                others go on: what they send then may fill a subscription faster than it is read.
         """
         if (chosen := rate or self._rate) is None:
             raise BadInput("a service without a rate has no ticks")
@@ -292,12 +298,16 @@ class Context(Generic[P]):
         pacer = self._make_pacer(self._node, period, reports_reads)
         if self._subscription is not None:
             self._subscription.client.watermarks = pacer.watermarks
-        self._await_parameters()
-        pacer.start()
         try:
+            self._await_parameters()
+            pacer.start()
             yield from self._ticks(pacer, meanwhile)
         finally:
-            pacer.close()
+            try:
+                if before_leaving is not None:
+                    before_leaving()
+            finally:
+                pacer.close()
 
     def messages(self, topic: Topic[M]) -> Iterator[M]:
         """Yield every message of a topic as it arrives, for services driven by messages instead of time.
