@@ -114,12 +114,11 @@ def test_it_is_shown_as_text_and_the_inverse_too(scene: TfHarness) -> None:
 def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
     ran = scene.run_command("tf", "echo", "world", "a/base_link", "-n", "9", "--rate", "5", "--json")
     assert ran.returncode == 0, ran.stderr
-    times = [json.loads(line)["time"] for line in ran.stdout.splitlines()]
-    assert len(times) == 9
-    # A busy machine skips a period now and then.
-    gaps = [later - earlier for earlier, later in pairwise(times[1:])]
-    assert min(gaps) > 0.1, times
-    assert median(gaps) == pytest.approx(0.2, abs=0.05), times
+    answers = [json.loads(line) for line in ran.stdout.splitlines()]
+    assert len(answers) == 9
+    periods = [math.floor((each["time"] + each["age"]) * 5 + 1e-6) for each in answers]
+    # At most one in each period of 0.2 s; a busy machine skips some.
+    assert min(later - earlier for earlier, later in pairwise(periods)) == 1, answers
 
 
 def test_why_it_cannot_be_told(scene: TfHarness) -> None:
