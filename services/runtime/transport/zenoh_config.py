@@ -24,6 +24,12 @@ RELIABLE_S = 30
 """Wall time [s] that lockstep keeps a link whose other side is silent or receives nothing. The end of a process closes
 its links at once, and a supervisor ends a hung one."""
 
+LINKING_S = 30
+"""Wall time [s] for two processes of one machine to establish a link. When it is over, Zenoh cancels that half way: a
+process that got no processor for so long may keep a link on which it sends and never receives. With the 1 and 2 s of
+other links, 6 of 400 starts of six peers, stopped for up to 3 s while they joined, left a pair of which one did not
+hear the other; with 10 and 30 s, none of 650."""
+
 LARGEST_MESSAGE = 8 << 20
 """Maximum bytes of a message; a larger one is dropped by the receiving link before it is reassembled."""
 
@@ -138,6 +144,7 @@ def configuration(
     """
     connects = tuple(endpoint(each) for each in connect)
     listens = tuple(endpoint(each) for each in listen) or (_socket_beside(connects) if role == "direct" else ())
+    local = all(map(unix_sockets.is_unix, (*connects, *listens)))
     lease_s = RELIABLE_S if reliable else 2
     patience = 2_000_000 if reliable else 10_000 if role == "router" else 1_000
     tree: dict[str, Any] = {
@@ -156,7 +163,11 @@ def configuration(
         },
         "timestamping": {"enabled": True},
         "transport": {
-            "unicast": {"open_timeout": 2000, "accept_timeout": 1000, "accept_pending": 1000},
+            "unicast": {
+                "open_timeout": LINKING_S * 1000 if local else 2000,
+                "accept_timeout": LINKING_S * 1000 if local else 1000,
+                "accept_pending": 1000,
+            },
             "link": {
                 "tx": {
                     "lease": lease_s * 1000,

@@ -10,7 +10,7 @@ import pytest
 import zenoh
 
 from services.runtime.errors import BadInput
-from services.runtime.transport.zenoh_config import Role, configuration, endpoint
+from services.runtime.transport.zenoh_config import LINKING_S, Role, configuration, default_router, endpoint
 
 ROLES: tuple[Role, ...] = ("router", "direct", "star")
 
@@ -48,6 +48,18 @@ def test_in_lockstep_the_router_waits_for_room_as_long_as_the_nodes() -> None:
 
     assert {patience(role, reliable=True) for role in ROLES} == {2_000_000}
     assert patience("router", reliable=False) == 10_000
+
+
+def test_processes_of_one_machine_have_time_to_link_though_they_get_no_processor() -> None:
+    def timeouts(role: Role, connect: tuple[str, ...] = (), listen: tuple[str, ...] = ()) -> tuple[int, int]:
+        unicast = configuration(role, connect, listen)["transport"]["unicast"]
+        return unicast["open_timeout"], unicast["accept_timeout"]
+
+    socket, tcp = default_router(), "tcp/127.0.0.1:7447"
+    patient, quick = (LINKING_S * 1000,) * 2, (2000, 1000)
+    assert timeouts("router", listen=(socket,)) == patient
+    assert timeouts("direct", (socket,)) == timeouts("star", (socket,)) == patient
+    assert timeouts("direct", (tcp,)) == timeouts("star", (tcp,)) == timeouts("router", (), (socket, tcp)) == quick
 
 
 def test_an_unknown_key_would_be_noticed() -> None:
