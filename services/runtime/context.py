@@ -289,8 +289,8 @@ class Context(Generic[P]):
             rate: replaces the declared rate [Hz], for services whose rate is a parameter.
             meanwhile: called at least ten times a second while the loop waits for the next tick.
             reports_reads: whether the loop adds subscriptions while it runs, which are then reported to lockstep.
-            before_leaving: called once the loop ends, while the simulation still waits for the node. After it, the
-                others go on: what they send then may fill a subscription faster than it is read.
+            before_leaving: called when the loop ends, while the simulation still waits for the node. Afterwards the
+                others go on, and may send faster than this node reads.
         """
         if (chosen := rate or self._rate) is None:
             raise BadInput("a service without a rate has no ticks")

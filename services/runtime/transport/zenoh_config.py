@@ -27,7 +27,7 @@ its links at once, and a supervisor ends a hung one."""
 LINKING_S = 30
 """Wall time [s] for two processes of one machine to establish a link. When it is over, Zenoh cancels that half way: a
 process that got no processor for so long may keep a link on which it sends and never receives. With the 1 and 2 s of
-other links, 6 of 400 starts of six peers, stopped for up to 3 s while they joined, left a pair of which one did not
+links over TCP, 6 of 400 starts of six peers, stopped for up to 3 s while they joined, left a pair of which one did not
 hear the other; with 10 and 30 s, none of 650."""
 
 LARGEST_MESSAGE = 8 << 20

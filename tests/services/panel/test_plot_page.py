@@ -183,7 +183,7 @@ def test_numbers_that_only_a_script_has_a_type_for_are_drawn(
         expect(plot.locator(".chip")).to_have_count(len(fields))
         wait_page(lambda: plot.evaluate(DRAWN) > 20, WITHIN_S, "a curve, which takes many rows of the picture")
         found = wait_page(lambda: complete_rows(page, plot), WITHIN_S, "a message with all fields, the last ones too")
-        [header] = exported_csv(page, plot)[:1]
+        header = exported_csv(page, plot)[0]
         plot.locator("button[title='Remove this plot']").click()
     assert header == ",".join(["time [s]", *(f"/probe/reading {field}" for field in fields)])
     for level, second, *constant in found:

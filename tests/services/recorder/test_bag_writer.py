@@ -67,7 +67,7 @@ def test_a_command_that_overtakes_the_clock_has_the_time_before_which_it_was_sen
 
 
 def test_what_comes_after_the_last_tick_has_the_time_at_which_it_was_sent(tmp_path: Path) -> None:
-    """Other nodes went on without the recorder; such messages get times 1 ns after a step: none counted in the run."""
+    """Messages of steps that the recorder did not take get times 1 ns after a step: none counted in the run."""
     with taping(tmp_path / "bag") as (sender, taker, tape):
         clock, command = sender.advertise(CLOCK), sender.advertise(CMD_VEL, "/r/cmd_vel")
         for ms in (20, 40, 60, 80):

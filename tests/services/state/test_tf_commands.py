@@ -117,8 +117,9 @@ def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
     answers = [json.loads(line) for line in ran.stdout.splitlines()]
     assert len(answers) == 9
     periods = [math.floor((each["time"] + each["age"]) * 5 + 1e-6) for each in answers]
-    # At most one in each period of 0.2 s; a busy machine skips some.
-    assert min(later - earlier for earlier, later in pairwise(periods)) == 1, answers
+    gaps = [later - earlier for earlier, later in pairwise(periods)]
+    assert min(gaps) == 1, answers
+    assert median(gaps) == 1, "a busy machine skips a period of 0.2 s now and then"
 
 
 def test_why_it_cannot_be_told(scene: TfHarness) -> None:
