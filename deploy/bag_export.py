@@ -39,8 +39,8 @@ def find_robots(bag: Bag) -> BagRobots:
     typed = MessageDecoder()
     for entry in bag.entries():
         namespace, _, name = entry.channel.name.rpartition("/")
-        wanted = name in (GROUND_TRUTH.name, ROBOT_DESCRIPTION.name) or is_sidecar(entry.channel)
-        if not wanted or unreadable_reason(entry.channel):
+        relevant = name in (GROUND_TRUTH.name, ROBOT_DESCRIPTION.name) or is_sidecar(entry.channel)
+        if not relevant or unreadable_reason(entry.channel):
             continue
         try:
             message = typed.decode(entry)
@@ -117,12 +117,12 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
         if bag.problems:
             raise BadInput(f"{bag.problems[0]}: repair it first, with --to rosbag2")
         convert_bag(bag.files, output)
-        return ExportResult(output, f"{output}: as the viewer reads it, since it holds no robot of this project", [])
-    troubles: list[str] = []
+        return ExportResult(output, f"{output}: converted by the viewer itself, since the bag has no robot of Elea", [])
+    problems: list[str] = []
     typed, unread = MessageDecoder(), 0
     readable: dict[object, bool] = {}
     extent = found.extent if found.robots else TURTLES_EXTENT
-    with RecordingBuilder(output, found.robots, extent, troubles.append) as rebuild:
+    with RecordingBuilder(output, found.robots, extent, problems.append) as rebuild:
         for entry in bag.entries():
             channel = entry.channel
             if channel not in readable:
@@ -136,16 +136,16 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
                 continue
             if message is not None:
                 rebuild.add(channel.name, message, entry.publish_time)
-    troubles += bag.problems + ([f"{unread} messages were not of their type"] if unread else [])
+    problems += bag.problems + ([f"{unread} messages were not of their type"] if unread else [])
     robots = ", ".join(f"{namespace or '/'} ({display_name(model)})" for namespace, model in found.robots)
-    return ExportResult(output, f"{output}: {robots or 'turtles'}", troubles)
+    return ExportResult(output, f"{output}: {robots or 'turtles'}", problems)
 
 
 def _export_csv(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
     exported = export_csv(bag, output, lambda topic: topic in names)
     lines = [f"{each.rows:8} rows  {each.file}" for each in exported if each.file is not None]
-    troubles = bag.problems + [f"{each.topic}: {each.reason}" for each in exported if each.reason]
-    return ExportResult(output, "\n".join(lines) or "nothing was exported", troubles)
+    problems = bag.problems + [f"{each.topic}: {each.reason}" for each in exported if each.reason]
+    return ExportResult(output, "\n".join(lines) or "nothing was exported", problems)
 
 
 def _export_rosbag2(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
@@ -159,7 +159,7 @@ def _export_rosbag2(bag: Bag, output: Path, names: frozenset[str]) -> ExportResu
             folder.close()
         except OSError as error:
             raise BadInput(f"{output} cannot be written: {error.strerror}") from None
-    damaged = [each for each in bag.problems if "torn" not in each]
+    damaged = [each for each in bag.problems if " is truncated " not in each]
     return ExportResult(output, "\n".join([f"{output}: {folder.count} messages", *bag.problems]), damaged)
 
 

@@ -101,8 +101,8 @@ def check_sharing(fleet: Fleet, source: TomlSource) -> None:
             )
         if _policy(member) != _policy(known.service):
             raise BadInput(
-                f"{where}: {group}: {member.kind} and {known.service.kind} ({at}) have different restart policies, "
-                "and one process"
+                f"{where}: {group}: {member.kind} and {known.service.kind} ({at}) have different restart policies: "
+                "nodes that share a process have one"
             )
 
 

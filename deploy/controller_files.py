@@ -16,7 +16,7 @@ from models.model import read_model
 from models.toml_source import TomlKey, TomlSource
 from models.urdf import read_joint_limits
 from services.controller_manager.config import ManagerConfig
-from services.controller_manager.config_file import is_text, read_stated
+from services.controller_manager.config_file import is_text, load_config
 from services.controller_manager.joint_pid import PidParameters
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.robot_names import robot_namespace
@@ -73,7 +73,7 @@ def _namespace(member: ServiceConfig, owner: RobotConfig | None) -> str:
 
 def _read(member: ServiceConfig, owner: RobotConfig | None) -> ManagerConfig:
     chosen = member.parameters.get("controllers", ())
-    return read_stated(member.parameters["config"], _namespace(member, owner), chosen)
+    return load_config(member.parameters["config"], _namespace(member, owner), chosen)
 
 
 def check_controllers(

@@ -21,6 +21,8 @@ from services.runtime.process import ROOT
 _POLL_PERIOD_S = 0.02
 _FREE_SPACE_POLLS = 100
 """Polls between two checks that the fleet's state can be written."""
+_SETTLED_POLLS = 25
+"""Polls for which all must be ready or have ended: the end of a process that ends the run stops the others."""
 _STOP_TIMEOUT_S = 60.0
 
 
@@ -40,13 +42,15 @@ def start_detached(fleet: str, report: str, as_json: bool, runs: str = "", argv:
         supervisor = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
         )
+        settled = 0
         for turn in itertools.count(1):
             if supervisor.poll() is not None:
                 break
             state = read_state(folder)
             processes = state.processes if state else ()
-            waiting = [each.name for each in processes if each.state != "ready"]
-            if processes and not waiting:
+            waiting = [each.name for each in processes if each.state not in ("ready", "finished", "failed")]
+            settled = settled + 1 if processes and not waiting else 0
+            if settled and (settled > _SETTLED_POLLS or all(each.state == "ready" for each in processes)):
                 break
             if turn % _FREE_SPACE_POLLS == 0:
                 _check_free_space(folder, supervisor)
@@ -60,7 +64,9 @@ def start_detached(fleet: str, report: str, as_json: bool, runs: str = "", argv:
         entry = {"fleet": fleet, "pid": supervisor.pid, "folder": str(folder), "root": str(ROOT)}
         sys.stdout.write(msgspec.json.encode(entry).decode() + "\n")
     else:
-        sys.stdout.write(f"{fleet} runs (supervisor {supervisor.pid}), results go to {folder}; end it: ./elea down\n")
+        sys.stdout.write(
+            f"{fleet} is running (supervisor {supervisor.pid}), results in {folder}; stop it with ./elea down\n"
+        )
     return 0
 
 
@@ -75,7 +81,7 @@ def _check_free_space(folder: Path, supervisor: subprocess.Popen[bytes]) -> None
         except subprocess.TimeoutExpired:
             supervisor.kill()
         raise EleaError(
-            f"the folder {folder} cannot be written while the fleet starts: {error.strerror}; the fleet was ended"
+            f"the folder {folder} cannot be written while the fleet starts: {error.strerror}; the fleet was stopped"
         ) from None
 
 

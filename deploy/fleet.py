@@ -102,8 +102,8 @@ class ServiceConfig(FleetTable, frozen=True, kw_only=True):
 class ReferenceConfig(FleetTable, frozen=True, kw_only=True):
     """The set-point that a program publishes for an arm.
 
-    Its ``topic``, relative to the robot's namespace, the topic's type and unit, and the joint, by default the arm's
-    first with a range.
+    ``topic`` is relative to the robot's namespace; ``type`` and ``unit`` are those of its data; ``joint`` defaults to
+    the arm's first joint with limits.
     """
 
     topic: str
@@ -119,7 +119,7 @@ class RobotConfig(FleetTable, frozen=True, kw_only=True):
     ``models.robot_source.RobotSource.model``. ``xacro_args`` are the arguments of a xacro. ``namespace`` defaults to
     the robot's name; ``/`` is the root. ``frame_prefix`` defaults to the name and a slash. ``joints`` are start
     positions [rad or m], 0 by default. ``goals`` are points [m] in the world, for services that ask for them.
-    ``reference`` is the set-point by which an arm is graded that no controller of the fleet moves.
+    ``reference`` is the set-point by which an arm is graded if no controller of the fleet moves it.
     """
 
     name: str

@@ -21,6 +21,7 @@ from deploy.fleet import (
     ChangeConfig,
     Fleet,
     GridConfig,
+    ReferenceConfig,
     RobotConfig,
     RunConfig,
     ServiceConfig,
@@ -59,6 +60,7 @@ _TABLE_TYPES: dict[str, type[msgspec.Struct]] = {
     "grid": GridConfig,
     "every_robot": ServiceConfig,
     "service": ServiceConfig,
+    "reference": ReferenceConfig,
     "restart": RestartPolicy,
     "change": ChangeConfig,
     "bounds": Bound,
@@ -87,7 +89,7 @@ def find_fleet(name: str) -> Path:
     if near and not nearest(name, fleet_names()):
         raise BadInput(f"there is no fleet {name[:80]!r}{near}")
     error = unknown_name("fleet", name, fleet_names())
-    raise BadInput(f"{error}; a fleet of your own is named by its path, as ./{Path(name[:80]).stem}.toml")
+    raise BadInput(f"{error}; give a fleet of your own by its path, e.g. ./{Path(name[:80]).stem}.toml")
 
 
 def saved_parameters_file(fleet: str) -> Path:
@@ -263,7 +265,7 @@ def _locate_error(source: TomlSource, tree: dict[str, Any], error: str) -> BadIn
     if found := re.search(r"Invalid enum value '(.*)'", text):
         choices = _choices(inspect.type_info(Fleet), path)
         near = did_you_mean(found[1], choices)
-        text = f"{found[1][:80]!r} is none of {', '.join(choices)}{near}" if choices else text
+        text = f"{found[1][:80]!r} is not one of {', '.join(choices)}{near}" if choices else text
     text = angle_fault(_value(tree, path), path) or text
     return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
 

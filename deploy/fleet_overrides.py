@@ -19,7 +19,7 @@ from services.runtime.errors import BadInput, unknown_name
 HELP = (
     "Change a key of the fleet file: model=waffle (of its only robot), world=house, ROBOT.model=waffle, "
     "ROBOT.pose.x=1, ROBOT.parameters.odometry=world, SERVICE.PARAMETER=VALUE, run.KEY=VALUE, grid.KEY=VALUE; "
-    "or 'SET NAME=VALUE' for a live parameter of one set, as '/tb3_0/waypoint max_linear=0.1'. May be repeated."
+    "or 'SET NAME=VALUE' for a live parameter of one set, e.g. '/tb3_0/waypoint max_linear=0.1'. May be repeated."
 )
 
 
@@ -65,8 +65,8 @@ def _apply(tree: dict[str, Any], text: str, option: str) -> Iterator[Override]:
     keys = name.strip().split(".")
     if not equals or not all(keys):
         raise BadInput(
-            f"--set {text!r} is not an assignment: write KEY=VALUE, as model=waffle or run.seed=3, or "
-            "'SET NAME=VALUE', as '/tb3_0/waypoint max_linear=0.1'"
+            f"--set {text!r} is not an assignment: write KEY=VALUE, e.g. model=waffle or run.seed=3, or "
+            "'SET NAME=VALUE', e.g. '/tb3_0/waypoint max_linear=0.1'"
         )
     paths = list(_paths(tree, keys, option))
     for path in paths:
@@ -105,7 +105,7 @@ def _paths(tree: dict[str, Any], keys: list[str], option: str) -> Iterator[tuple
     elif first == "model" and not rest:
         if len(robots) != 1:
             raise BadInput(
-                f"{option}: this fleet has {len(robots)} robots: say which, as ROBOT.model=… "
+                f"{option}: this fleet has {len(robots)} robots: say which, e.g. ROBOT.model=… "
                 f"({', '.join(map(str, robots))})"
             )
         yield ("robot", 0, "model")
@@ -116,7 +116,7 @@ def _paths(tree: dict[str, Any], keys: list[str], option: str) -> Iterator[tuple
     elif first in BUILTIN_SERVICES and rest:
         yield (*_builtin(tree, first), "parameters", *rest)
     elif first in (*robots, *services.values(), *BUILTIN_SERVICES, "run", "grid"):
-        raise BadInput(f"{option}: {first} is a table: say which of its keys, as {_example(first, robots)}")
+        raise BadInput(f"{option}: {first} is a table: say which of its keys, e.g. {_example(first, robots)}")
     else:
         known = [
             "model",
@@ -182,10 +182,12 @@ def _value(text: str, path: Sequence[TomlKey]) -> Any:
 
 def _assign(tree: dict[str, Any], path: Sequence[TomlKey], value: Any, option: str) -> None:
     at: Any = tree
-    for step in path[:-1]:
+    for number, step in enumerate(path[:-1]):
         if isinstance(step, int):
             at = at[step]
             continue
+        if not isinstance(at, dict):
+            raise BadInput(f"{option}: {path[number - 1]} is a list: set it as a whole")
         if not isinstance(at.setdefault(step, {}), dict | list):
             at[step] = {}  # e.g. pose = "world", of which one coordinate is set
         at = at[step]

@@ -29,7 +29,7 @@ def instance_lock(entry: FleetInstance) -> Iterator[None]:
     Removes sockets left by killed processes of an earlier fleet, and at the end those of this one.
     """
     path = instances_folder() / f"{entry.port}.json"
-    meeting = unix_sockets.path_of(entry.router or unix_sockets.router_endpoint(entry.port)).parent
+    sockets = unix_sockets.path_of(entry.router or unix_sockets.router_endpoint(entry.port)).parent
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
@@ -38,16 +38,16 @@ def instance_lock(entry: FleetInstance) -> Iterator[None]:
     with os.fdopen(descriptor, "r+b") as file:
         if not _lock(file.fileno()):
             raise _port_in_use(entry.port)
-        unix_sockets.make_private(meeting)
-        _check_free(entry, meeting)
-        unix_sockets.remove_stale(meeting)
+        unix_sockets.make_private(sockets)
+        _check_free(entry, sockets)
+        unix_sockets.remove_stale(sockets)
         file.truncate(0)
         file.write(msgspec.json.encode(entry))
         file.flush()
         try:
             yield
         finally:
-            unix_sockets.remove_stale(meeting)
+            unix_sockets.remove_stale(sockets)
 
 
 def _lock(descriptor: int) -> bool:
@@ -62,18 +62,18 @@ def _lock(descriptor: int) -> bool:
             time.sleep(0.02)
 
 
-def _check_free(entry: FleetInstance, meeting: Path) -> None:
+def _check_free(entry: FleetInstance, sockets: Path) -> None:
     """Raise BadInput unless the fleet's router can listen at all its endpoints.
 
     Another program may still take one before the router does: the router then exits with status 75 and reports it.
     """
     try:
-        unix_sockets.is_listening(unix_sockets.router_in(meeting))
+        unix_sockets.check_reachable(unix_sockets.router_in(sockets))
     except OSError:
         pass
     else:
         raise BadInput(
-            f"a router that belongs to no fleet already listens in {meeting}: stop it, or choose another --port"
+            f"a router that belongs to no fleet already listens in {sockets}: stop it, or choose another --port"
         )
     for each in entry.listen:
         host, _, port = each.partition("/")[2].rpartition(":")
@@ -90,7 +90,7 @@ def _port_in_use(port: int) -> BadInput:
         if other.port == port:
             return BadInput(
                 f"port {port} is held by the fleet {other.fleet} (supervisor {other.pid}, since {other.started}, "
-                f"{other.folder}): end it with ./elea down --port {port}, or take another port with --port"
+                f"{other.folder}): stop it with ./elea down --port {port}, or take another port with --port"
             )
     return BadInput(f"{instances_folder() / f'{port}.json'} is held by another program: take another port with --port")
 
@@ -118,8 +118,8 @@ def check_parameter_file_unused(file: Path) -> None:
 def _parameter_file_in_use(file: Path) -> str:
     others = [each for each in running_fleets() if each.pid != os.getpid() and each.saved and Path(each.saved) == file]
     holder = f"the fleet {others[0].fleet} (port {others[0].port})" if others else "another parameter service"
-    end = f"end it with ./elea down --port {others[0].port}, " if others else ""
+    end = f"stop it with ./elea down --port {others[0].port}, " if others else ""
     return (
-        f"{holder} uses the file of parameters {file}, which one fleet alone can write: {end}"
+        f"{holder} uses the file of parameters {file}, which only one fleet can write: {end}"
         "give this fleet a file of its own with --params FILE, or --no-saved to save nothing"
     )

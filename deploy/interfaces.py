@@ -39,18 +39,18 @@ class FieldType(NamedTuple):
 def find_interface(name: str) -> type[Message] | Request[Any, Any]:
     """Return the record of a ROS type (also ``geometry_msgs/msg/Twist``), or a request by its name; raises BadInput."""
     use_workspace()
-    wanted = name.replace("/msg/", "/", 1).replace("/srv/", "/", 1)
-    if (record := find_record(wanted)) is not None:
+    full = name.replace("/msg/", "/", 1).replace("/srv/", "/", 1)
+    if (record := find_record(full)) is not None:
         return record
     own = {each.name: each for each in REQUESTS}
     if (request := own.get(f"/{name.lstrip('/')}")) is not None:
         return request
-    if (service := service_interface(wanted)) is not None:
+    if (service := service_interface(full)) is not None:
         return service
     short: dict[str, list[str]] = {}
     for each in RECORDS:
         short.setdefault(each.rpartition("/")[2], []).append(each)
-    near = short.get(name) or nearest(wanted, [*RECORDS, *own], 3, cutoff=0.5)
+    near = short.get(name) or nearest(full, [*RECORDS, *own], 3, cutoff=0.5)
     near = near or [whole for each in nearest(name, short, 2) for whole in short[each]]
     hint = f"did you mean {' or '.join(map(repr, near))}?" if near else "./elea interface list shows all"
     raise BadInput(f"unknown type {name[:80]!r}; {hint}")
@@ -168,8 +168,8 @@ def _union_type(types: tuple[shapes.Type, ...]) -> FieldType:
     """Describe a union: null makes it optional; a packed array is shown as its list."""
     alternatives = [_field_type(each) for each in types if not isinstance(each, shapes.NoneType | shapes.ExtType)]
     names = dict.fromkeys(each.name for each in alternatives)
-    whole = alternatives[0] if len(alternatives) == 1 else FieldType(" or ".join(names))
-    return whole._replace(optional=any(isinstance(each, shapes.NoneType) for each in types))
+    merged = alternatives[0] if len(alternatives) == 1 else FieldType(" or ".join(names))
+    return merged._replace(optional=any(isinstance(each, shapes.NoneType) for each in types))
 
 
 def _bounds(kind: shapes.IntType | shapes.FloatType) -> str:

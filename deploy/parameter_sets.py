@@ -133,7 +133,7 @@ class SavedParameterNotes:
             if parts := [
                 _difference(each, own) for each in values.values if each.origin == "saved" and _differs(each, own)
             ]:
-                yield f"saved parameters win over the fleet's: {name} {', '.join(parts)}; --no-saved leaves them out"
+                yield f"saved parameters override the fleet file: {name} {', '.join(parts)}; --no-saved ignores them"
 
 
 def effective_parameters(
@@ -167,8 +167,8 @@ def overridden_parameter_note(
     if not parts:
         return ()
     return (
-        f"Parameters were not the fleet's: {', '.join(parts)}. The run repeats with the same values alone; "
-        "./elea up --no-saved leaves saved ones out.",
+        f"Parameters differed from the fleet file: {', '.join(parts)}. Only a run with the same values repeats "
+        "this one; ./elea up --no-saved ignores saved values.",
     )
 
 

@@ -15,6 +15,7 @@ from deploy.supervisor.log_file import last_line, log_name
 from deploy.supervisor.managed_process import ManagedProcess
 from messages.elea import FleetState, ProcessState
 from services.panel.address import ADDRESS_FILE, read_address
+from services.runtime.errors import list_names
 
 PLAIN_PERIOD_S = 10.0
 """Wall time [s] between two lines about a healthy fleet, where no live line can be shown."""
@@ -87,9 +88,7 @@ def waiting_line(names: Sequence[str], processes: int) -> str:
     """Return what a fleet waits for, in one line; for many processes, the number ready and the names of some."""
     if processes <= FEW_PROCESSES:
         return f"waiting for {', '.join(names)}"
-    rest = len(names) - NAMED
-    more = f" and {rest} more" if rest > 0 else ""
-    return f"{processes - len(names)} of {processes} processes ready, waiting for {', '.join(names[:NAMED])}{more}"
+    return f"{processes - len(names)} of {processes} processes ready, waiting for {list_names(names, NAMED)}"
 
 
 class ProgressReporter:
@@ -103,50 +102,55 @@ class ProgressReporter:
         self._quoted: set[str] = set()
         self._starved: set[str] = set()
 
-    def on_state_change(self, life: ManagedProcess, fleet: FleetState) -> None:
+    def on_state_change(self, process: ManagedProcess, fleet: FleetState) -> None:
         """Report a process's change of state."""
         write_state(self._folder, fleet)
-        shown = life.state_message()
-        if life.state in _PROBLEM_STATES:
-            self._report_problem(life, shown)
-        if life.spec.kind == "panel" and life.state == "ready" and (page := read_address(self._folder / ADDRESS_FILE)):
-            self._screen.print_line(f"the page of this fleet: {page.url}")
+        shown = process.state_message()
+        if process.state in _PROBLEM_STATES:
+            self._report_problem(process, shown)
+        if (
+            process.spec.kind == "panel"
+            and process.state == "ready"
+            and (page := read_address(self._folder / ADDRESS_FILE))
+        ):
+            self._screen.print_line(f"web page of this fleet: {page.url}")
         ready = sum(each.state == "ready" for each in fleet.processes)
-        if ready == len(fleet.processes) and not self._complete:
+        finished = sum(each.state == "finished" for each in fleet.processes)
+        if ready + finished == len(fleet.processes) and not self._complete:
             self._complete = True
-            self._screen.print_line(f"all {ready} processes ready after {time.monotonic() - self._started:.1f} s")
-        elif not self._complete and life.state == "ready" and len(fleet.processes) <= FEW_PROCESSES:
+            how = "ready or finished" if finished else "ready"
+            seconds = time.monotonic() - self._started
+            self._screen.print_line(f"all {len(fleet.processes)} processes {how} after {seconds:.1f} s")
+        elif not self._complete and process.state == "ready" and len(fleet.processes) <= FEW_PROCESSES:
             self._screen.print_line(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
 
-    def _report_problem(self, life: ManagedProcess, shown: ProcessState) -> None:
+    def _report_problem(self, process: ManagedProcess, shown: ProcessState) -> None:
         """Print a process's problem, and the last line of its log unless it was printed before."""
         name, reason = shown.name, shown.reason
         words = last_line(self._folder / "logs" / log_name(name)) if reason.startswith("exit status") else ""
-        if words and words in reason and life.spec.required:
+        if words and words in reason and process.spec.required:
             return  # the end of the fleet reports the same
-        of = f" (the process of {', '.join(shown.nodes)})" if shown.nodes else ""
-        self._screen.print_line(f"{name}{of} {shown.state}: {reason}; see ./elea logs {name}")
+        nodes_of = f" (the process of {', '.join(shown.nodes)})" if shown.nodes else ""
+        self._screen.print_line(f"{name}{nodes_of} {shown.state}: {reason}; see ./elea logs {name}")
         if words and words not in reason and words not in self._quoted:
             self._quoted.add(words)
             self._screen.print_line(f"  {words}")
 
-    def _report_starved(self, lives: Sequence[ManagedProcess]) -> None:
+    def _report_starved(self, processes: Sequence[ManagedProcess]) -> None:
         """Report each process once for which the machine is too busy; several at a time in one line."""
         now = time.monotonic()
         found = [
-            (life.spec.name, silent)
-            for life in lives
-            if (silent := life.starved_for(now)) and life.spec.name not in self._starved
+            (process.spec.name, silent)
+            for process in processes
+            if (silent := process.starved_for(now)) and process.spec.name not in self._starved
         ]
         if not found:
             return
         self._starved.update(name for name, _ in found)
         names = [name for name, _ in found]
-        rest = len(names) - NAMED
-        more = f" and {rest} more" if rest > 0 else ""
-        it = "it waits" if len(names) == 1 else "they wait"
+        it = "it is waiting" if len(names) == 1 else "they are waiting"
         self._screen.print_line(
-            f"{', '.join(names[:NAMED])}{more}: no heartbeat for {max(each for _, each in found):.1f} s, {it} for a "
+            f"{list_names(names, NAMED)}: no heartbeat for {max(each for _, each in found):.1f} s, {it} for a "
             "processor: this machine is too busy for the fleet"
         )
 
@@ -154,25 +158,27 @@ class ProgressReporter:
         """Show a problem of the supervision as a whole instead of problems of single processes."""
         self._screen.print_line(text)
 
-    def _report_waiting(self, lives: Sequence[ManagedProcess]) -> None:
+    def _report_waiting(self, processes: Sequence[ManagedProcess]) -> None:
         """Print now and then which nodes simulation time waits for."""
         now = time.monotonic()
-        for life in lives:
-            if life.spec.kind == "sim" and life.activity == "waiting" and life.note and now > self._next_wait:
+        for process in processes:
+            if process.spec.kind == "sim" and process.activity == "waiting" and process.note and now > self._next_wait:
                 self._next_wait = now + WAITING_PERIOD_S
-                self._screen.print_line(life.note)
+                self._screen.print_line(process.note)
 
-    def on_poll(self, lives: Sequence[ManagedProcess]) -> None:
+    def on_poll(self, processes: Sequence[ManagedProcess]) -> None:
         """Update the display after a check of heartbeats."""
         for line in self._news():
             self._screen.print_line(line)
-        self._report_starved(lives)
-        self._report_waiting(lives)
-        waiting = [life.spec.name for life in lives if life.state in ("waiting", "starting", *_PROBLEM_STATES)]
-        notes = [life.note for life in lives if life.spec.kind in ("grader", "sim") and life.note]
-        if any(life.state == "stopping" for life in lives):
+        self._report_starved(processes)
+        self._report_waiting(processes)
+        waiting = [
+            process.spec.name for process in processes if process.state in ("waiting", "starting", *_PROBLEM_STATES)
+        ]
+        notes = [process.note for process in processes if process.spec.kind in ("grader", "sim") and process.note]
+        if any(process.state == "stopping" for process in processes):
             self._screen.set_status("stopping")
         elif waiting:
-            self._screen.set_status(waiting_line(waiting, len(lives)))
+            self._screen.set_status(waiting_line(waiting, len(processes)))
         else:
             self._screen.set_status("; ".join(notes) or "running")

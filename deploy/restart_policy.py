@@ -43,7 +43,7 @@ class Restart(msgspec.Struct, frozen=True):
 
 
 class Failed(msgspec.Struct, frozen=True):
-    """Give the process up."""
+    """Give up on the process."""
 
     reason: str
 

@@ -73,7 +73,7 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         root=str(ROOT),
         saved=str(options.saved or ""),
     )
-    by_itself, fleet = fleet.run.topology == "auto", choose_topology(fleet)
+    chosen_by_size, fleet = fleet.run.topology == "auto", choose_topology(fleet)
     plan = plan_processes(fleet, options)
     if has_rosparam(fleet):
         write_parameter_tree(fleet_parameter_tree(fleet), options.folder / ROSPARAM_FILE)
@@ -83,8 +83,8 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         if options.saved is not None:
             check_parameter_file_unused(options.saved)
         screen.print_line(f"{fleet.name}: {_size(plan)}, {fleet.run.mode}; results in {options.folder}")
-        if by_itself and fleet.run.topology == "star":
-            screen.print_line(f"topology star, as for more than {MOST_DIRECT} nodes: all messages pass the router")
+        if chosen_by_size and fleet.run.topology == "star":
+            screen.print_line(f"topology star (more than {MOST_DIRECT} nodes): all messages pass through the router")
         for each in entry.listen:
             who = "every user of this machine can read everything and drive the robots"
             screen.print_line(f"listening on {each}: {who if is_local(each) else OPEN_TO_ALL}")

@@ -38,8 +38,9 @@ def world_map(world: WorldDescription, resolution: float, height: float) -> Worl
 
     Args:
         world: The world; movable bodies are where they start.
-        resolution: m per cell.
-        height: m; what is above, as a lintel or the top of a table, is left out. A laser's height and a little more.
+        resolution: Size of a cell [m].
+        height: Upper limit [m]; what is above it, e.g. a lintel or a table top, is left out. A little more than the
+            height of the laser.
 
     Raises:
         BadInput: The map would be too large.

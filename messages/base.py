@@ -221,7 +221,7 @@ class Float32Array(Array):
     __slots__ = ()
 
 
-def take_array(record: Message, field: str, wanted: type[Array]) -> Array:
+def ensure_array(record: Message, field: str, array_type: type[Array]) -> Array:
     """Return the array in a field of a frozen record; a list or numpy array there is converted and replaced first.
 
     For ``__post_init__`` of records with arrays. Raises what ``Array`` raises for values that are not numbers.
@@ -229,7 +229,7 @@ def take_array(record: Message, field: str, wanted: type[Array]) -> Array:
     value = getattr(record, field)
     if isinstance(value, Array):
         return value
-    made = wanted(value)
+    made = array_type(value)
     msgspec.structs.force_setattr(record, field, made)
     return made
 
@@ -268,17 +268,17 @@ def _to_plain(value: Any) -> object:
     raise NotImplementedError(f"{type(value).__name__} cannot be put in a message")
 
 
-def _to_array(wanted: type, value: Any) -> object:
+def _to_array(array_type: type, value: Any) -> object:
     """Decoder hook for arrays; for an extension seen before, only its first bytes and its size are compared."""
     if type(value) is Ext:
         data: Any = value.data  # bytes or a view of them
-        head, shape = _HEADS.get((wanted, len(data)), _NO_HEAD)
+        head, shape = _HEADS.get((array_type, len(data)), _NO_HEAD)
         if head and value.code == ARRAY_CODE and data[: len(head)] == head:
-            made: Any = object.__new__(wanted)
+            made: Any = object.__new__(array_type)
             made.raw, made.shape = bytes(data[len(head) :]), shape
             return made
-    if not issubclass(wanted, Array):
-        raise NotImplementedError(f"no message may hold a {wanted.__name__}")
+    if not issubclass(array_type, Array):
+        raise NotImplementedError(f"no message may hold a {array_type.__name__}")
     if isinstance(value, Ext):
         if value.code != ARRAY_CODE:
             raise WrongPayload(f"unknown extension type {value.code}; only {ARRAY_CODE} (array) is known")
@@ -286,11 +286,11 @@ def _to_array(wanted: type, value: Any) -> object:
             parts = _parts(value.data)
         except (msgspec.MsgspecError, ValueError, RecursionError) as error:
             raise WrongPayload(f"expected an extension [dtype, shape, raw]: {error}") from None
-        read = wanted.from_wire(*parts)
+        read = array_type.from_wire(*parts)
         _remember(read, bytes(value.data))
         return read
     if isinstance(value, list) and {int, float}.issuperset(map(type, value)):
-        return wanted(value)
+        return array_type(value)
     raise WrongPayload(f"expected an array, got {type(value).__name__}")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 
@@ -27,9 +27,14 @@ def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") ->
     """Return the error for an unknown name, with the nearest known name and the alternatives."""
     names = sorted(known)
     prefix = f"{where}: " if where else ""
-    listed = ", ".join(names[:_MOST_LISTED]) or "none"
-    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
-    return BadInput(f"{prefix}unknown {kind} {name[:255]!r}{did_you_mean(name, names)} (known: {listed}{more})")
+    listed = list_names(names, _MOST_LISTED) or "none"
+    return BadInput(f"{prefix}unknown {kind} {name[:255]!r}{did_you_mean(name, names)} (known: {listed})")
+
+
+def list_names(names: Sequence[str], most: int) -> str:
+    """Return the first ``most`` names, separated by commas, and how many more there are."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def did_you_mean(name: str, known: Iterable[str], count: int = 1) -> str:

@@ -202,7 +202,9 @@ def _absolute_node(node: str, namespace: str) -> str:
 
 def _node_name(name: str) -> str:
     if "/" in name or "~" in name:
-        raise BadName(f"{name!r} is not a node's name: it is a single part; {NAMESPACE_RULE} sets the namespace")
+        raise BadName(
+            f"{name!r} is not a node name: a node name has no '/' and no '~'; {NAMESPACE_RULE} sets the namespace"
+        )
     _measure(name, LONGEST_NODE, "a node's name")
     return validate(name, LONGEST_NODE)
 

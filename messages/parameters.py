@@ -7,8 +7,8 @@ from msgspec import Meta
 from messages.base import MOST_ITEMS, Count, Finite, Message, NameStr
 from messages.std import Time
 
-Whole = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
-Scalar = bool | Whole | Finite | Annotated[str, Meta(max_length=65_536)] | None
+Int64 = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
+Scalar = bool | Int64 | Finite | Annotated[str, Meta(max_length=65_536)] | None
 _Scalars = Annotated[tuple[Scalar, ...], Meta(max_length=10_000)]
 Value = Scalar | Annotated[tuple[Scalar | _Scalars, ...], Meta(max_length=10_000)]
 """A parameter's value: a scalar, a list of scalars, or a list of such lists, each of at most 10,000 items."""

@@ -1,5 +1,7 @@
 """The table of all record classes by the name of their ROS type."""
 
+from functools import lru_cache
+
 import msgspec
 
 from messages import (
@@ -27,7 +29,7 @@ from messages import (
     visualization,
 )
 from messages.base import Message
-from messages.errors import BadInput, nearest
+from messages.errors import BadInput
 
 _MODULES = (
     std,
@@ -64,24 +66,12 @@ RECORDS: dict[str, type[Message]] = {
 
 
 class UnknownRecord(BadInput, LookupError):
-    """No record has this ROS type; the text names the nearest one, or lists all."""
+    """No record has this ROS type; the text names similar ones."""
 
 
+@lru_cache(maxsize=1024)
 def unknown_record(ros_type: str) -> type[Message]:
     """Return a record class without fields for a type that this project does not know."""
     made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
     assert issubclass(made, Message)
     return made
-
-
-def record(type_name: str) -> type[Message]:
-    """Return the record of a ROS type, also in ROS 2's spelling (``geometry_msgs/msg/Twist``).
-
-    Raises UnknownRecord.
-    """
-    found = RECORDS.get(type_name.replace("/msg/", "/", 1))
-    if found is None:
-        near = nearest(type_name, RECORDS, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(RECORDS))}"
-        raise UnknownRecord(f"unknown record {type_name[:80]!r}; {hint}")
-    return found

@@ -142,7 +142,7 @@ PARAMS_UNDO = Request("/params/undo", UndoParameters, ParameterValues, "undo the
 PARAMS_HISTORY = Request("/params/history", HistoryOf, ParameterHistory, "get the history of changes")
 
 ROSPARAM_SET = Request(
-    "/rosparam/set", RosparamSet, Done, "set a value or branch in the tree of ROS 1's parameters", MAX_TREE_BYTES + 4096
+    "/rosparam/set", RosparamSet, Done, "set a value or branch in the ROS 1 parameter tree", MAX_TREE_BYTES + 4096
 )
 ROSPARAM_GET = Request("/rosparam/get", RosparamGet, RosparamValue, "get a value or branch of the tree")
 ROSPARAM_DELETE = Request("/rosparam/delete", RosparamDelete, Done, "delete a value or branch of the tree")
@@ -160,15 +160,17 @@ SWITCH_CONTROLLER = Request(
 STATIC_MAP = Request("static_map", GetMap, GetMapResponse, "get the map of a map server")
 
 TURTLESIM_CLEAR = Request("clear", EmptyService, EmptyResponse, "wipe the turtles' trails, in the background's colour")
-TURTLESIM_RESET = Request("reset", EmptyService, EmptyResponse, "remove all turtles and trails, and begin with turtle1")
+TURTLESIM_RESET = Request(
+    "reset", EmptyService, EmptyResponse, "remove all turtles and trails, and restart with turtle1"
+)
 TURTLESIM_SPAWN = Request("spawn", Spawn, SpawnResponse, "add a turtle")
 TURTLESIM_KILL = Request("kill", Kill, KillResponse, "remove a turtle")
 SET_PEN = Request("set_pen", SetPen, SetPenResponse, "set colour and width of a turtle's pen, or lift it")
 TELEPORT_ABSOLUTE = Request(
-    "teleport_absolute", TeleportAbsolute, TeleportAbsoluteResponse, "put a turtle at a place; its pen draws"
+    "teleport_absolute", TeleportAbsolute, TeleportAbsoluteResponse, "move a turtle to a pose; its pen draws"
 )
 TELEPORT_RELATIVE = Request(
-    "teleport_relative", TeleportRelative, TeleportRelativeResponse, "turn a turtle, then put it ahead; its pen draws"
+    "teleport_relative", TeleportRelative, TeleportRelativeResponse, "turn a turtle, then move it ahead; its pen draws"
 )
 
 SIM_REQUESTS: tuple[Request[Message, Message], ...] = (

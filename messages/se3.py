@@ -113,6 +113,18 @@ def rotate_inverse(rotation: Rotation, vector: Vector) -> Vector:
     return rotate((-x, -y, -z, w), vector)
 
 
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return the cross product a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def add_cross(base: Vector, one: Vector, other: Vector) -> Vector:
+    """Return ``base`` + ``one`` x ``other``, also of arrays: the velocity of a point, v + w x r, or a torque about
+    another, t + r x F."""
+    (x, y, z), (a, b, c), (i, j, k) = base, one, other
+    return x + b * k - c * j, y + c * i - a * k, z + a * j - b * i
+
+
 def rotated_axes(rotation: Rotation) -> tuple[Vector, Vector, Vector]:
     """Return the x, y and z axes of the rotated frame in its parent: the columns of the rotation matrix R(q)."""
     return rotate(rotation, (1.0, 0.0, 0.0)), rotate(rotation, (0.0, 1.0, 0.0)), rotate(rotation, (0.0, 0.0, 1.0))

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from messages.base import Finite, Float32Array, Matrix3, Message, Metres, Radians, take_array
+from messages.base import Finite, Float32Array, Matrix3, Message, Metres, Radians, ensure_array
 from messages.geometry import Point32, Quaternion, Vector3
 from messages.std import Header
 
@@ -46,11 +46,11 @@ class LaserScan(Message, frozen=True, kw_only=True):
     intensities: Float32Array = Float32Array()
 
     def __post_init__(self) -> None:
-        ranges = take_array(self, "ranges", Float32Array).shape
-        intensities = take_array(self, "intensities", Float32Array).shape
+        ranges = ensure_array(self, "ranges", Float32Array).shape
+        intensities = ensure_array(self, "intensities", Float32Array).shape
         if len(ranges) != 1 or intensities not in ((0,), ranges):
             raise ValueError(
-                f"ranges and intensities are flat and of one length, got shapes {ranges} and {intensities}"
+                f"ranges and intensities must be flat and of equal length, got the shapes {ranges} and {intensities}"
             )
 
 
@@ -80,7 +80,7 @@ class ChannelFloat32(Message, frozen=True, kw_only=True):
     values: Float32Array = Float32Array()
 
     def __post_init__(self) -> None:
-        take_array(self, "values", Float32Array)
+        ensure_array(self, "values", Float32Array)
 
 
 class PointCloud(Message, frozen=True, kw_only=True):
@@ -127,7 +127,10 @@ class Image(Message, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if len(self.data) != self.height * self.step:
-            raise ValueError(f"data has {len(self.data)} bytes, {self.height} rows of {self.step} need another count")
+            expected = self.height * self.step
+            raise ValueError(
+                f"data has {len(self.data)} bytes, but {self.height} rows of {self.step} bytes need {expected}"
+            )
 
 
 class CameraInfo(Message, frozen=True, kw_only=True):

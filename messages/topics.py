@@ -84,6 +84,8 @@ class Topic(Generic[M_co]):
 
 CLOCK = Topic("/clock", Clock, 50, Quality.SENSOR, "simulation time, step, epoch, pause")
 CMD_VEL = Topic("cmd_vel", Twist, 25, Quality.COMMAND, "velocity command of a base")
+CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, CMD_VEL.quality, "velocity command with its time")
+"""``CMD_VEL`` of a base that expects TwistStamped; not in ``TOPICS``, whose names are unique."""
 CMD_VEL_OUT = Topic(
     "cmd_vel_out", TwistStamped, 50, Quality.SENSOR, "velocity command after limiting, if publish_cmd is set"
 )
@@ -138,7 +140,13 @@ SET_LINK_STATE = Topic(
     "/gazebo/set_link_state", gazebo_msgs.LinkState, 0, Quality.EVENT, "moves a model by its root link, as in Gazebo"
 )
 WORLD_MARKERS = Topic(
-    "/world/markers", MarkerArray, 0, Quality.LATCHED, "the world's ground and bodies, as they start", 1 << 23, "/sim"
+    "/world/markers",
+    MarkerArray,
+    0,
+    Quality.LATCHED,
+    "the world's ground and bodies at their start poses",
+    1 << 23,
+    "/sim",
 )
 WORLD_STATES = Topic(
     "/world/states",
@@ -176,14 +184,14 @@ CONTROL_STATE = Topic(
     "the controller's inputs, gains and output, time-stamped",
 )
 MAP = Topic("map", OccupancyGrid, 0, Quality.LATCHED, "map of a map server: the occupancy of its cells", 8 << 20)
-MAP_METADATA = Topic("map_metadata", MapMetaData, 0, Quality.LATCHED, "size and place of the map")
+MAP_METADATA = Topic("map_metadata", MapMetaData, 0, Quality.LATCHED, "size, resolution and origin of the map")
 TURTLE_STATES = Topic("~states", WorldStates, 50, Quality.SENSOR, "poses and twists of all turtles of a turtlesim")
 MARKERS = Topic(
     "~markers",
     MarkerArray,
     0,
     Quality.EVENT,
-    "shapes to draw, as the turtles' trails; all of them for each subscriber that comes, then what changes",
+    "shapes to draw, e.g. the turtles' trails: all of them for each new subscriber, then changes",
     1 << 18,
 )
 DESCRIPTIONS = Topic(
@@ -203,7 +211,7 @@ SCHEDULE = Topic(
     ScheduledChanges,
     0,
     Quality.LATCHED,
-    "scheduled parameter changes: which were made, and why others were not",
+    "scheduled parameter changes: those applied, and why others were refused",
     1 << 20,
 )
 ROSPARAM_TREE = Topic(
@@ -211,7 +219,7 @@ ROSPARAM_TREE = Topic(
     RosparamTree,
     0,
     Quality.LATCHED,
-    "the tree of ROS 1's parameters, after each change",
+    "the ROS 1 parameter tree, after each change",
     MAX_TREE_BYTES + (1 << 18),
     only="/params",
 )
@@ -235,7 +243,7 @@ INTERFACES = Topic(
     InterfaceDefinitions,
     0,
     Quality.LATCHED,
-    "definitions of the message types that a script's own packages bring",
+    "definitions of the message types of a script's own packages",
     1 << 20,
 )
 FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "processes of the fleet", 1 << 20)

@@ -34,9 +34,9 @@ class Marker(Message, frozen=True, kw_only=True):
     TEXT_VIEW_FACING: ClassVar[int] = 9
     MESH_RESOURCE: ClassVar[int] = 10
     TRIANGLE_LIST: ClassVar[int] = 11
-    ADD: ClassVar[int] = 0
-    DELETE: ClassVar[int] = 2
-    DELETEALL: ClassVar[int] = 3
+    ADD: ClassVar[Literal[0]] = 0
+    DELETE: ClassVar[Literal[2]] = 2
+    DELETEALL: ClassVar[Literal[3]] = 3
     header: Header = Header()
     ns: str = ""
     id: Int32 = 0

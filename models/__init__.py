@@ -6,7 +6,7 @@ from pathlib import Path
 
 from messages.errors import BadInput, did_you_mean
 from models.robot_cache import display_name as display_name
-from models.robot_cache import is_made
+from models.robot_cache import is_imported
 
 WHEELED = ("burger", "waffle", "waffle_pi", "p3dx")
 """The robots with a differential drive."""
@@ -27,6 +27,14 @@ class UnknownModel(BadInput):
     """No model or world has this name; the text lists the known ones."""
 
 
+def not_in_cache(model: str) -> UnknownModel:
+    """Return the error for an imported robot whose files were removed or damaged."""
+    return UnknownModel(
+        f"the imported robot {model} is no longer in the cache: start the fleet, or spawn the robot, from its URDF "
+        "again"
+    )
+
+
 def urdf_path(model: str) -> Path:
     """Return the URDF of a robot, built-in or imported; raises UnknownModel with the nearest name and the list."""
     return _model_folder(model) / "robot.urdf"
@@ -34,12 +42,12 @@ def urdf_path(model: str) -> Path:
 
 def physics_urdf_path(model: str) -> Path:
     """Return the URDF for the physics engine; raises UnknownModel."""
-    return _model_folder(model) / ("physics.urdf" if is_made(model) else "robot.urdf")
+    return _model_folder(model) / ("physics.urdf" if is_imported(model) else "robot.urdf")
 
 
 def viewer_urdf_path(model: str) -> Path:
     """Return the URDF for the viewer; raises UnknownModel."""
-    return _model_folder(model) / ("viewer.urdf" if is_made(model) else "robot.urdf")
+    return _model_folder(model) / ("viewer.urdf" if is_imported(model) else "robot.urdf")
 
 
 def model_config_path(model: str) -> Path:
@@ -62,16 +70,14 @@ def world_path(name: str) -> Path:
     try:
         return _HERE / "worlds" / f"{_checked_name('world', name, WORLDS)}.toml"
     except UnknownModel as error:
-        raise UnknownModel(f"{error}; a world of your own is named by its path, as ./{name[:80]}.toml") from None
+        raise UnknownModel(f"{error}; give a world of your own by its path, e.g. ./{name[:80]}.toml") from None
 
 
 def _model_folder(model: str) -> Path:
-    if not is_made(model):
+    if not is_imported(model):
         return _HERE / _checked_name("model", model, MODELS)
     if not (Path(model) / "robot.urdf").is_file():
-        raise UnknownModel(
-            f"the files of the robot {model} are gone: start the fleet or spawn the robot by its own file"
-        )
+        raise not_in_cache(model)
     return Path(model)
 
 

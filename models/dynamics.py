@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from messages.se3 import Vector, rotate, rotate_inverse
+from messages.se3 import Vector, cross, rotate, rotate_inverse
 from models.urdf import Inertia, Joint, read_robot
 
 GRAVITY = 9.81
@@ -35,7 +35,7 @@ def read_pendulum(name: str, joint: str) -> Pendulum:
     down = _to_joint_frame(at, joints, (0.0, 0.0, -GRAVITY))
     level = upright = inertia = 0.0
     for mass, place, own in _subtree_masses(at.child, joints, masses, at.axis):
-        across = _cross(at.axis, place)
+        across = cross(at.axis, place)
         level += mass * _torque_about(at.axis, place, down)
         upright += mass * _torque_about(at.axis, across, down)
         inertia += mass * sum(each * each for each in across) + own
@@ -76,13 +76,9 @@ def _to_joint_frame(joint: Joint, joints: tuple[Joint, ...], vector: Vector) -> 
     return vector
 
 
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
 def _torque_about(axis: Vector, place: Vector, force: Vector) -> float:
     """Return the torque about an axis of a force at a point."""
-    return sum(a * b for a, b in zip(axis, _cross(place, force), strict=True))
+    return sum(a * b for a, b in zip(axis, cross(place, force), strict=True))
 
 
 class StopPrediction(NamedTuple):

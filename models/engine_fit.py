@@ -28,8 +28,8 @@ SLIDER_FRICTION = 0.05
 BODY_FRICTION = 0.5
 """Friction of all other parts without a tag."""
 LIFTED = 0.005
-"""Height [m] up to which parts that stand on the ground and reach lower than the driven wheels are raised to them:
-contacts are rigid here, so the wheels would hang in the air; Gazebo's contacts are soft."""
+"""Parts that reach below the driven wheels by at most this height [m] are raised to the wheels' level: contacts are
+rigid here, so the wheels would hang in the air; Gazebo's contacts are soft."""
 HULL_MARGIN = 0.001
 """Distance [m] by which the engine's convex hulls of cylinders and meshes exceed their shapes."""
 MAX_FRICTION = 1.5

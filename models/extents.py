@@ -73,9 +73,3 @@ def vertical_extent(model: str) -> tuple[float, float]:
         return 0.0, math.inf
     _, low, high = extents(parse_urdf(text), shapes)
     return low, high
-
-
-def box_inertia(mass: float, size: Vector) -> tuple[float, float, float]:
-    """Return the moments of inertia [kg m2] of a homogeneous box about its centre: m (b^2 + c^2) / 12."""
-    x, y, z = (each * each for each in size)
-    return mass * (y + z) / 12, mass * (x + z) / 12, mass * (x + y) / 12

@@ -24,6 +24,8 @@ MAX_CAMERA_RATE = 10.0
 
 _STEP_RATE = 200.0
 """Physics steps per second; every period is a whole number of steps."""
+_LEAST_RATE = 1e-6
+"""Minimum rate [Hz]: its period in steps is still a number."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,6 @@ _QUIET = {
     "tf_topic",
     "service_name",
     "joint_name",
-    "bodyName",
     "update_rate_hz",
     "cmd_timeout",
     "cmd_vel_timeout",
@@ -313,7 +314,7 @@ class _Reader:
             read(plugin, link)
         elif kind not in _NEEDED_BY_GZ:
             name = plugin.get("filename") or plugin.get("name", "")
-            self._ignore(plugin, f"no such plugin is simulated: {str(name)[:100]}", key=f"plugin {name}")
+            self._ignore(plugin, f"this plugin is not simulated: {str(name)[:100]}", key=f"plugin {name}")
 
     # Drives
 
@@ -324,7 +325,7 @@ class _Reader:
         if source:
             self._found["odometry"] = sources.get(source, "encoder")
         self._odometry(plugin)
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     def _skid_steer(self, plugin: UrdfElement, _: str) -> None:
         left, right = (self._joints(plugin, f"{side}_front_joint", f"{side}_rear_joint") for side in ("left", "right"))
@@ -332,7 +333,7 @@ class _Reader:
         # The plugin publishes the true pose.
         self._found["odometry"] = "world"
         self._odometry(plugin)
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     def _wheel_drive(self, plugin: UrdfElement, left: tuple[str, ...], right: tuple[str, ...]) -> None:
         """Read the differential drive of a Gazebo Classic plugin."""
@@ -355,12 +356,12 @@ class _Reader:
         self._add_drive(DriveTag("holonomic", self._where(plugin)), plugin)
         self._found["odometry"] = "world"
         self._odometry(plugin)
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     def _force_based_move(self, plugin: UrdfElement, _: str) -> None:
         """Read a force on the body that tracks the commanded velocity: a mecanum base; with a zero gain for y, another
         base, which is driven by its wheels here."""
-        self._take(plugin, "x_velocity_p_gain", "yaw_velocity_p_gain", "command_watchdog", "cmd_vel_time_out")
+        self._mark_read(plugin, "x_velocity_p_gain", "yaw_velocity_p_gain", "command_watchdog", "cmd_vel_time_out")
         if self._number(plugin, "y_velocity_p_gain") != 0:
             self._add_drive(
                 DriveTag(
@@ -371,10 +372,10 @@ class _Reader:
                 ),
                 plugin,
             )
-            self._take(plugin, "max_y_velocity")
+            self._mark_read(plugin, "max_y_velocity")
         self._found["odometry"] = "world"
         self._odometry(plugin)
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     def _kobuki(self, plugin: UrdfElement, _: str) -> None:
         """Read the base of the TurtleBot 2, whose topics are below ``mobile_base``."""
@@ -396,8 +397,8 @@ class _Reader:
         self._alias("cmd_vel", "mobile_base/commands/velocity")
         if self._text(plugin, "imu_name"):
             self._alias("imu", "mobile_base/sensors/imu_data")
-        self._take(plugin, "velocity_command_timeout")
-        self._name_rest(plugin)
+        self._mark_read(plugin, "velocity_command_timeout")
+        self._ignore_unread(plugin)
 
     def _steered_drive(self, plugin: UrdfElement, _: str) -> None:
         """Read the drive of a car or tricycle, whose wheels are found by their joints."""
@@ -418,9 +419,9 @@ class _Reader:
         for each in _children(plugin):
             if "joint" in each.tag.lower():
                 each.set("read", "")
-        self._take(plugin, "wheel_base", "kingpin_width", "min_velocity", "min_linear_velocity")
+        self._mark_read(plugin, "wheel_base", "kingpin_width", "min_velocity", "min_linear_velocity")
         self._odometry(plugin)
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     def _gz_diff_drive(self, plugin: UrdfElement, _: str) -> None:
         self._add_drive(
@@ -437,15 +438,15 @@ class _Reader:
             ),
             plugin,
         )
-        self._take(plugin, "min_linear_velocity", "min_angular_velocity", "min_velocity")
-        self._take(plugin, "min_linear_acceleration", "min_angular_acceleration", "max_angular_acceleration")
-        self._take(plugin, "min_acceleration", "min_jerk", "max_jerk")
+        self._mark_read(plugin, "min_linear_velocity", "min_angular_velocity", "min_velocity")
+        self._mark_read(plugin, "min_linear_acceleration", "min_angular_acceleration", "max_angular_acceleration")
+        self._mark_read(plugin, "min_acceleration", "min_jerk", "max_jerk")
         self._odometry(plugin)
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     def _gz_mecanum(self, plugin: UrdfElement, _: str) -> None:
-        self._take(plugin, "front_left_joint", "front_right_joint", "back_left_joint", "back_right_joint")
-        self._take(plugin, "wheel_separation", "wheelbase", "wheel_radius", "min_velocity", "min_acceleration")
+        self._mark_read(plugin, "front_left_joint", "front_right_joint", "back_left_joint", "back_right_joint")
+        self._mark_read(plugin, "wheel_separation", "wheelbase", "wheel_radius", "min_velocity", "min_acceleration")
         self._add_drive(
             DriveTag(
                 "holonomic",
@@ -461,11 +462,11 @@ class _Reader:
             "simulated"
         )
         self._odometry(plugin)
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     def _add_drive(self, drive: DriveTag, plugin: UrdfElement) -> None:
         if "drive" in self._found:
-            self._ignore(plugin, "a second drive: the first one counts", key="second drive")
+            self._ignore(plugin, "a second drive: only the first one is used", key="second drive")
         elif drive.kind == "differential" and not (drive.left_joints and drive.right_joints):
             self._ignore(plugin, "a drive without left and right joints drives nothing", key="drive")
         else:
@@ -475,7 +476,7 @@ class _Reader:
         self._topic("cmd_vel", plugin, "command_topic", "topic", remapped="cmd_vel")
         self._topic("odom", plugin, "odometry_topic", "odom_topic", remapped="odom")
         rate = self._number(plugin, "odometry_rate", "odom_publish_frequency", "update_rate")
-        if rate is not None:
+        if rate is not None and rate > 0:
             self._found["odometry_rate"] = min(rate, 50.0)
         frame = self._text(plugin, "odometry_frame", "odom_frame", "frame_id")
         if frame:
@@ -488,28 +489,28 @@ class _Reader:
 
     def _gz_odometry(self, plugin: UrdfElement, _: str) -> None:
         self._found.setdefault("odometry", "world")
-        self._take(plugin, "dimensions", "odom_covariance_topic", "gaussian_noise", "xyz_offset", "rpy_offset")
+        self._mark_read(plugin, "dimensions", "odom_covariance_topic", "gaussian_noise", "xyz_offset", "rpy_offset")
         self._odometry(plugin)
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     # Other plugins of a model
 
     def _joint_states(self, plugin: UrdfElement, _: str) -> None:
         rate = self._number(plugin, "update_rate")
-        if rate is not None:
+        if rate is not None and rate > 0:
             self._found["joint_rate"] = step_rate(rate, 1)
         self._topic("joint_states", plugin, "topic_name", "topic", remapped="joint_states")
-        self._take(plugin, "joint_name")
-        self._name_rest(plugin)
+        self._mark_read(plugin, "joint_name")
+        self._ignore_unread(plugin)
 
     def _ground_truth(self, plugin: UrdfElement, _: str) -> None:
         self._topic("ground_truth", plugin, "topic_name", remapped="odom")
-        self._take(plugin, "body_name", "frame_name", "update_rate", "xyz_offset", "rpy_offset")
-        self._take(plugin, "xyz_offsets", "rpy_offsets")
+        self._mark_read(plugin, "body_name", "frame_name", "update_rate", "xyz_offset", "rpy_offset")
+        self._mark_read(plugin, "xyz_offsets", "rpy_offsets")
         noise = self._number(plugin, "gaussian_noise")
         if noise:
             self._note(plugin, "ground_truth is exact, its gaussianNoise is not added")
-        self._name_rest(plugin)
+        self._ignore_unread(plugin)
 
     def _ros_control(self, plugin: UrdfElement, _: str) -> None:
         self._found.setdefault(
@@ -522,11 +523,11 @@ class _Reader:
     def _sensor(self, sensor: UrdfElement, link: str) -> None:
         kind = _SENSOR_KINDS.get(sensor.get("type", ""))
         if not link:
-            self._ignore(sensor, "a sensor outside of <gazebo reference=...> sits on no link")
+            self._ignore(sensor, "a sensor outside of <gazebo reference=...> belongs to no link")
         elif kind is None:
             self._ignore(sensor, f"no sensor of the type {sensor.get('type', '')!r} is simulated")
         elif kind in self._found:
-            self._ignore(sensor, f"a robot has one {kind}: the first one counts", key=f"second {kind}")
+            self._ignore(sensor, f"a robot has one {kind}: only the first one is used", key=f"second {kind}")
         else:
             plugin = sensor.find("plugin")
             mount = Mount(
@@ -542,7 +543,7 @@ class _Reader:
     def _laser(self, sensor: UrdfElement, plugin: UrdfElement | None, link: str, mount: Mount) -> None:
         publisher = "" if plugin is None else plugin_kind(plugin)
         if re.search("range|sonar|bumper", publisher) or not (publisher or self._text(sensor, "topic")):
-            self._ignore(sensor, "rays that no laser's plugin publishes", key="rays")
+            self._ignore(sensor, "a ray sensor without a laser plugin is not simulated", key="rays")
             return
         ray = next((each for name in ("ray", "lidar") if (each := sensor.find(name)) is not None), None)
         flat = ray.find("scan/horizontal") if ray is not None else None
@@ -551,11 +552,11 @@ class _Reader:
             return
         vertical = ray.find("scan/vertical")
         if isinstance(vertical, UrdfElement) and (self._number(vertical, "samples") or 1) > 1:
-            self._note(vertical, "a laser scans one plane, its horizontal one")
+            self._note(vertical, "a laser scans one plane, the horizontal one")
         samples = int(self._number(flat, "samples") or 640)
         low, high = self._number(flat, "min_angle") or 0.0, self._number(flat, "max_angle") or 0.0
         samples = max(1, min(samples, MAX_SAMPLES))
-        whole = high - low >= math.tau * (1 - 1.5 / max(samples, 2)) or samples < 2 or high <= low
+        full_turn = high - low >= math.tau * (1 - 1.5 / max(samples, 2)) or samples < 2 or high <= low
         if samples > 1 and high <= low:
             self._note(flat, f"min_angle {low:g} is not below max_angle {high:g}: the laser looks all around")
         near, far = self._range(ray)
@@ -570,7 +571,7 @@ class _Reader:
             noise=0.0 if stated is None else stated,
             clearance=near,
             angle_min=low,
-            angle_max=None if whole else high,
+            angle_max=None if full_turn else high,
             mount=mount,
         )
         self._note_rate(sensor, rate, step_rate(rate, 2))
@@ -603,9 +604,9 @@ class _Reader:
         """Read an IMU that is a plugin of the model, on the link ``bodyName``."""
         body = self._text(plugin, "body_name") or link
         if not body or "imu" in self._found:
-            self._ignore(plugin, "a robot has one imu: the first one counts" if body else "it names no bodyName")
+            self._ignore(plugin, "a robot has one imu: only the first one is used" if body else "it names no bodyName")
             return
-        rate = self._number(plugin, "update_rate") or 100.0
+        rate = self._rate(plugin, None, 100.0)
         noise = self._number(plugin, "gaussian_noise")
         accel, gyro = self._vector(plugin, "accel_gaussian_noise", 3), self._vector(plugin, "rate_gaussian_noise", 3)
         self._found["imu"] = ImuConfig(
@@ -645,11 +646,11 @@ class _Reader:
         if (wide, high) != (width, height) or rate > MAX_CAMERA_RATE:
             self._note(
                 sensor,
-                f"{width} x {height} pixels at {rate:g} Hz are {wide} x {high} at {min(rate, MAX_CAMERA_RATE):g} Hz: "
-                "the renderer is software",
+                f"{width} x {height} pixels at {rate:g} Hz are reduced to {wide} x {high} at "
+                f"{min(rate, MAX_CAMERA_RATE):g} Hz: images are rendered in software",
             )
         if _SENSOR_KINDS.get(sensor.get("type", "")) == "camera" and sensor.get("type") != "camera":
-            self._note(sensor, "of a depth camera the colour picture is simulated")
+            self._note(sensor, "only the colour image of a depth camera is simulated")
         self._camera_topics(sensor, plugin)
 
     def _camera_topics(self, sensor: UrdfElement, plugin: UrdfElement | None) -> None:
@@ -700,7 +701,7 @@ class _Reader:
     def _mu(self, link: str, element: UrdfElement) -> None:
         value = self._value(element)
         if value is None or not link:
-            self._ignore(element, "no friction of a link: it needs a number and a <gazebo reference=...>")
+            self._ignore(element, "friction needs a number and a link: <gazebo reference=...>")
             return
         before = self._friction.get(link, Friction())
         mu1, mu2 = (before.mu1, value) if element.tag == "mu2" else (value, before.mu2)
@@ -739,7 +740,7 @@ class _Reader:
     def _joints(self, plugin: UrdfElement, *names: str) -> tuple[str, ...]:
         return tuple((each.text or "").strip() for name in names for each in _named(plugin, name) if each.text)
 
-    def _take(self, plugin: UrdfElement, *names: str) -> None:
+    def _mark_read(self, plugin: UrdfElement, *names: str) -> None:
         """Mark parameters as known that have no effect here."""
         for name in names:
             for each in _named(plugin, name):
@@ -777,15 +778,15 @@ class _Reader:
             values = ()
         return values if len(values) == count and all(abs(each) <= MAX_VALUE for each in values) else ()
 
-    def _name_rest(self, plugin: UrdfElement) -> None:
+    def _ignore_unread(self, plugin: UrdfElement) -> None:
         """List the parameters of a plugin that were not read."""
         for each in _children(plugin):
             if "read" not in each.attrib and snake_case(each.tag) not in _QUIET:
-                self._ignore(each, f"no parameter of {plugin_kind(plugin)} that is simulated")
+                self._ignore(each, f"this parameter of {plugin_kind(plugin)} has no effect here")
 
-    def _note_rate(self, element: UrdfElement, wanted: float, rate: float) -> None:
-        if abs(wanted - rate) > 0.01 * wanted:
-            self._note(element, f"{wanted:g} Hz are {rate:.3g} Hz: physics steps 200 times a second")
+    def _note_rate(self, element: UrdfElement, stated: float, rate: float) -> None:
+        if abs(stated - rate) > 0.01 * stated:
+            self._note(element, f"{stated:g} Hz is {rate:.3g} Hz here: periods are whole physics steps of 5 ms")
 
     def _note(self, element: UrdfElement, text: str) -> None:
         self._notes.append(f"{self._where(element)}: <{element.tag}>: {text}")
@@ -799,7 +800,7 @@ class _Reader:
 
 def step_rate(rate: float, steps: int) -> float:
     """Return the highest rate [Hz] up to ``rate`` whose period is a multiple of ``steps`` physics steps."""
-    return _STEP_RATE / (steps * max(1, math.ceil(_STEP_RATE / steps / rate - 1e-9)))
+    return _STEP_RATE / (steps * max(1, math.ceil(_STEP_RATE / steps / max(rate, _LEAST_RATE) - 1e-9)))
 
 
 def _children(element: object, tag: str = "") -> list[UrdfElement]:

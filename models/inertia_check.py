@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from messages.se3 import Vector
-from models.extents import box_inertia
+from models.mass_properties import box_inertia
 from models.urdf import Inertia
 
 FAR = 10.0
-"""Factor between a moment and that of the link's bounding box from which on it is doubtful: a hollow box has 1.7 times
-the moment of a solid one, a rod in a box a third."""
+"""A moment is implausible if it differs from that of the link's bounding box by more than this factor: a hollow box
+has 1.7 times the moment of a solid one, a rod in a box a third."""
 ROUNDING = 1e-3
 """Relative tolerance of the triangle inequality, for values with three digits."""
 
@@ -46,6 +46,6 @@ def inertia_doubt(inertia: Inertia, size: Vector) -> str:
     if not box > 0 or 1 / FAR <= most / box <= FAR:
         return ""
     return (
-        f"its largest moment of {most:.3g} kg m2 is x{most / box:.3g} that of a full box of its size "
+        f"its largest moment of {most:.3g} kg m2 is x{most / box:.3g} that of a solid box of its size "
         f"({' x '.join(f'{each:.3g}' for each in size)} m, {inertia.mass:.3g} kg)"
     )

@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from messages.errors import list_names
 from messages.se3 import Pose3
+from models.mass_properties import box_inertia
 from models.shapes import LinkShapes
 from models.urdf import MAX_VALUE, BadUrdf, Inertia, RobotDescription
 
@@ -29,14 +31,14 @@ ROUNDING = 0.01
 
 
 @dataclass(frozen=True)
-class MendedInertias:
+class RepairedInertias:
     """The inertia of each link for the engine, and notes on the assumptions made."""
 
     inertias: Mapping[str, Inertia]
     notes: tuple[str, ...]
 
 
-def mend_inertias(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> MendedInertias:
+def repair_inertias(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> RepairedInertias:
     """Return physically possible inertias; raises BadUrdf for masses or inertias beyond MAX_VALUE.
 
     Links connected by fixed joints are one body, in which a link without mass is a frame. A body without any mass gets
@@ -65,20 +67,19 @@ def mend_inertias(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> 
                     assumed.append(f"{each} {mass:.3g} kg")
         for each in body:
             if each not in found:
-                found[each] = _mended(given[each], shapes[each], each, dropped, boxed)
+                found[each] = _repaired(given[each], shapes[each], each, dropped, boxed)
     notes = [
-        (assumed, "without mass, so assumed from their shapes at 200 kg/m3"),
-        (negative, "with a negative mass, which is taken for none"),
-        (dropped, "with products of inertia that no body has: these are left out"),
-        (boxed, "with an inertia that no body has: that of the box around them is taken"),
+        (assumed, f"without mass, which is estimated from their shapes at {DENSITY:g} kg/m3"),
+        (negative, "with a negative mass, which counts as missing"),
+        (dropped, "with impossible products of inertia, which are set to 0"),
+        (boxed, "with an impossible inertia, which is replaced by that of their bounding box"),
     ]
-    return MendedInertias(found, tuple(f"links {what}: {listed(names)}" for names, what in notes if names))
+    return RepairedInertias(found, tuple(f"links {what}: {listed(names)}" for names, what in notes if names))
 
 
 def listed(names: Iterable[str], most: int = 8) -> str:
     """Join the names, at most the first ``most``."""
-    each = list(names)
-    return ", ".join(each[:most]) + (f" and {len(each) - most} more" if len(each) > most else "")
+    return list_names(list(names), most)
 
 
 def _bodies(robot: RobotDescription) -> list[list[str]]:
@@ -106,7 +107,7 @@ def _assumed_mass(shapes: LinkShapes) -> float:
     return round(min(1000.0, max(0.001, DENSITY * float(np.prod(np.maximum(box[1] - box[0], 1e-3))))), 6)
 
 
-def _mended(given: Inertia, shapes: LinkShapes, name: str, dropped: list[str], boxed: list[str]) -> Inertia:
+def _repaired(given: Inertia, shapes: LinkShapes, name: str, dropped: list[str], boxed: list[str]) -> Inertia:
     if given.mass <= 0:
         return Inertia(TOKEN_MASS, tensor=(TOKEN_MOMENT,) * 3 + (0.0,) * 3)
     if _is_possible(given.tensor):
@@ -127,14 +128,13 @@ def _is_possible(tensor: tuple[float, ...]) -> bool:
 
 
 def _box_inertia(mass: float, shapes: LinkShapes) -> Inertia:
-    """Return the inertia of a homogeneous box: I_xx = m (y^2 + z^2) / 12."""
+    """Return the inertia of the homogeneous bounding box of these shapes."""
     box = shapes.box()
     low, high = (np.zeros(3), np.full(3, _cube_side(mass))) if box is None else (box[0], box[1])
     centre = (low + high) / 2 if box is not None else np.zeros(3)
     x, y, z = np.maximum(high - low, LEAST_SIDE).tolist()
-    moments = tuple(mass * each / 12 for each in (y * y + z * z, x * x + z * z, x * x + y * y))
     px, py, pz = centre.tolist()
-    return Inertia(mass, Pose3((px, py, pz), (0.0, 0.0, 0.0, 1.0)), (*moments, 0.0, 0.0, 0.0))
+    return Inertia(mass, Pose3((px, py, pz), (0.0, 0.0, 0.0, 1.0)), (*box_inertia(mass, (x, y, z)), 0.0, 0.0, 0.0))
 
 
 def _cube_side(mass: float) -> float:

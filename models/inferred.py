@@ -13,13 +13,13 @@ from messages.errors import unknown_name
 from messages.se3 import Vector
 from models.dynamics import GRAVITY
 from models.extents import bottom, circle_radius, lowest_point, placed_shapes, solid_shapes
-from models.gazebo_tags import DriveTag, GazeboTags, step_rate
+from models.gazebo_tags import DriveTag, GazeboTags
 from models.model import LaserConfig, PlanarConfig, RobotModel, SteeringConfig, WheelConfig
 from models.shapes import LinkShapes
 from models.steering import find_steering, steering_config
 from models.urdf import NoWheels, RobotDescription
 from models.urdf_writer import link_poses
-from models.wheels import TOUCHES, Wheel, read_wheel, rolling_joints, turns_for_ever
+from models.wheels import TOUCHES, Wheel, is_continuous, read_wheel, rolling_joints
 
 MAX_LINEAR = 1.0
 """Maximum speed [m/s] of a base if neither tags nor joints state it."""
@@ -79,7 +79,7 @@ class _Inference:
             base_frame=robot.root,
             radius=max(0.01, circle_radius(self._placed)),
             odometry="encoder" if wheels is not None and tags.odometry != "world" else "world",
-            odometry_rate=step_rate(min(rate, 50.0), 4),
+            odometry_rate=min(rate, 50.0),
             joint_rate=tags.joint_rate or (50.0 if drive is not None else 100.0),
             fixed_base=fixed,
             wheels=wheels,
@@ -112,13 +112,18 @@ class _Inference:
             drive = stated or DriveTag("steered", self._name)
             steered = ", ".join(each.steering.name for each in found.steered)
             pair = f"{found.left.joint}, {found.right.joint}"
-            self._notes.append(f"{drive.where}: steered by {steered}, driven by {pair}: cmd_vel has the turn rate")
+            self._notes.append(
+                f"{drive.where}: steered by {steered}, driven by {pair}: angular.z of cmd_vel is the turn rate, not "
+                "the steering angle"
+            )
             backwards = tuple(each.joint for each in (found.left, found.right) if each.direction[1] < 0)
             left, right = (found.left.joint,), (found.right.joint,)
             drive = replace(drive, left_joints=left, right_joints=right, reversed_joints=backwards)
             return drive, steering_config(found, drive.max_steer, self._mass())
         if stated is not None:
-            self._notes.append(f"{stated.where}: no wheels on steering joints are found beside an axle that is not")
+            self._notes.append(
+                f"{stated.where}: found no steered wheels together with exactly one axle that is not steered"
+            )
         return self._guess_drive(), None
 
     def _commanded(self) -> set[str]:
@@ -130,20 +135,20 @@ class _Inference:
         left, right = ([self._wheel(name, drive.where) for name in side] for side in sides)
         if _mean(each.place[1] for each in left) < _mean(each.place[1] for each in right):
             left, right = right, left
-            self._notes.append(f"{drive.where}: the left joints stand on the right: sides are exchanged")
+            self._notes.append(f"{drive.where}: the left joints are on the right: the sides are swapped")
         both = [*left, *right]
         radius = drive.radius or max(each.radius for each in both)
         if not radius > 0:
-            raise NoWheels(f"{drive.where}: neither the tag nor a shape of the wheels tells their radius")
+            raise NoWheels(f"{drive.where}: neither the tag nor the wheels' shapes give their radius")
         track = _mean(each.place[1] for each in left) - _mean(each.place[1] for each in right)
         separation = drive.separation or track
         if not separation > 0:
-            raise NoWheels(f"{drive.where}: the wheels do not stand left and right of the robot's x axis")
+            raise NoWheels(f"{drive.where}: the wheels are not on the left and right of the robot's x axis")
         for each in both:
             if each.direction[1] < 0.5 and each.joint not in drive.reversed_joints:
                 self._notes.append(
-                    f"{drive.where}: joint {each.joint!r} turns about {_show(each.direction)} and not about the "
-                    "robot's y axis: forwards is not where x points"
+                    f"{drive.where}: joint {each.joint!r} turns about {_show(each.direction)}, not about the robot's "
+                    "y axis: the robot will not drive forwards along x"
                 )
         if len(both) > 2 or steering is not None:
             # Here a skid-steered or car-like base turns according to its track; values for Gazebo and real robots often
@@ -152,8 +157,8 @@ class _Inference:
             if abs(factor - 1) > 0.02:
                 table["wheel_separation_multiplier"] = round(min(max(factor, 0.1), 10.0), 4)
                 self._notes.append(
-                    f"{drive.where}: wheelSeparation {separation:.4g} m is times {factor:.4g} here: a base that skids "
-                    f"or steers turns by its track of {track:.4g} m"
+                    f"{drive.where}: wheelSeparation {separation:.4g} m is multiplied by {factor:.4g} here: a "
+                    f"skid-steered or car-like base turns according to its track of {track:.4g} m"
                 )
         fastest = drive.max_linear or self._joint_speed(both) * radius
         if not 0 < fastest <= MAX_PLAUSIBLE_SPEED:
@@ -162,8 +167,8 @@ class _Inference:
         rise = drive.acceleration or 0.0
         if rise > max(ACCELERATION, least):
             self._notes.append(
-                f"{drive.where}: the acceleration of {rise:g} m/s2 is {max(ACCELERATION, least):.3g} m/s2 here: more "
-                "than half of what tips it, it slips"
+                f"{drive.where}: the acceleration of {rise:g} m/s2 is reduced to {max(ACCELERATION, least):.3g} m/s2: "
+                "above half of what tips it over, it slips"
             )
             rise = max(ACCELERATION, least)
         effective = separation * table.get("wheel_separation_multiplier", 1.0)
@@ -229,10 +234,12 @@ class _Inference:
             if uneven > 0.02 or abs(one.radius - other.radius) > 0.1 * one.radius:
                 return None
         names = ", ".join(each.joint for each in (*left, *right))
-        self._notes.append(f"no tag names a drive: driven by its wheels {names}, as they stand")
+        self._notes.append(f"no tag defines a drive: inferred from the positions of the wheels {names}")
         mirrored = tuple(each.joint for each in (*left, *right) if each.direction[1] < 0)
         if mirrored:
-            self._notes.append(f"these turn backwards to drive ahead, as their axes say: {', '.join(mirrored)}")
+            self._notes.append(
+                f"wheels with reversed axes, which turn backwards to drive forwards: {', '.join(mirrored)}"
+            )
         return DriveTag(
             "differential",
             self._name,
@@ -248,7 +255,7 @@ class _Inference:
             more = {
                 each.child
                 for each in self._robot.joints
-                if each.parent in links and each.kind in ("fixed", "revolute", "prismatic") and not turns_for_ever(each)
+                if each.parent in links and each.kind in ("fixed", "revolute", "prismatic") and not is_continuous(each)
             }
             if more <= links:
                 break
@@ -302,7 +309,7 @@ class _Inference:
             return None
         links = {each.name for each in self._robot.links}
         if config.link not in links:
-            self._notes.append(f"{self._name}: the {kind} sits on link {config.link!r}, which does not exist: left out")
+            self._notes.append(f"{self._name}: the {kind} is on link {config.link!r}, which does not exist: left out")
             return None
         frame = config.mount.frame
         if frame and frame not in links:
@@ -316,8 +323,8 @@ class _Inference:
         stated = self._tags.base_frame
         if stated and stated != self._robot.root:
             self._notes.append(
-                f"{self._name}: odometry is that of the root {self._robot.root!r}, the tag says {stated!r}: the tree "
-                "of frames has one root"
+                f"{self._name}: odometry is that of the root link {self._robot.root!r}, not of {stated!r} as in the "
+                "tag: the tf tree has one root"
             )
 
 

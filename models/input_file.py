@@ -29,7 +29,7 @@ def read_limited(path: Path, limit: int, what: str) -> bytes:
     if not stat.S_ISREG(found.st_mode):
         os.close(number)
         kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a pipe, socket or device"
-        raise BadInput(f"{path} is {kind}, not the file of {what}")
+        raise BadInput(f"{path} is {kind}, not {what}")
     with open(number, "rb") as file:
         if found.st_size > limit:
             raise BadInput(f"{path} has {found.st_size} bytes, the limit of {what} is {limit}")

@@ -17,6 +17,12 @@ class MassProperties(NamedTuple):
     moments: Vector
 
 
+def box_inertia(mass: float, size: Vector) -> Vector:
+    """Return the moments of inertia [kg m2] of a homogeneous box about its centre: m (b^2 + c^2) / 12."""
+    x, y, z = (each * each for each in size)
+    return mass * (y + z) / 12, mass * (x + z) / 12, mass * (x + y) / 12
+
+
 def mass_properties(body: WorldBody) -> MassProperties:
     """Return the stated mass properties, or else those of its shapes at equal density, without products of inertia.
 
@@ -74,11 +80,11 @@ def _moments_of_unit_mass(part: BodyPart) -> Vector:
         case CylinderShape(radius, length):
             across = radius**2 / 4 + length**2 / 12
             return across, across, radius**2 / 2
-        case BoxShape((x, y, z)):
-            return (y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12
+        case BoxShape(size):
+            return box_inertia(1.0, size)
         case RampShape((x, y, z)):
             return y * y / 12 + z * z / 18, (x * x + z * z) / 18, x * x / 18 + y * y / 12
         case shape:
             low, high = shape_mesh(shape).bounds.tolist()
             x, y, z = (max(1e-3, b - a) for a, b in zip(low, high, strict=True))
-            return (y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12
+            return box_inertia(1.0, (x, y, z))

@@ -164,11 +164,10 @@ def _count_stl(content: bytes, where: str) -> int:
         raise BadMesh(f"{where}: this is not an STL: it has {len(content)} bytes and does not begin with 'solid'")
     if _stl_count(content) > MAX_TRIANGLES:
         return _stl_count(content)
-    wanted = _STL_HEADER + _STL_TRIANGLE * _stl_count(content)
-    if len(content) < wanted:
+    size = _STL_HEADER + _STL_TRIANGLE * _stl_count(content)
+    if len(content) < size:
         raise BadMesh(
-            f"{where}: this STL is cut short: {_stl_count(content)} triangles take {wanted} bytes, "
-            f"it has {len(content)}"
+            f"{where}: this STL is cut short: {_stl_count(content)} triangles take {size} bytes, it has {len(content)}"
         )
     return _stl_count(content)
 

@@ -14,8 +14,8 @@ from msgspec import Meta
 from messages.base import DECODE_ERRORS
 from messages.errors import BadInput, unknown_name
 from messages.se3 import Pose3, quaternion_from_rpy
-from models import UnknownModel, model_config_path, physics_urdf_path
-from models.robot_cache import is_made
+from models import model_config_path, not_in_cache, physics_urdf_path
+from models.robot_cache import is_imported
 from models.robot_facts import read_facts
 from models.urdf import NoWheels, read_robot, read_wheels
 
@@ -142,10 +142,10 @@ class LaserConfig(ModelTable, frozen=True, kw_only=True):
         span = self.angle_max - self.angle_min
         if not 0 < span < 2 * math.pi:
             raise ValueError(
-                f"angle_max - angle_min is {span:.4f} rad, it lies between 0 and 2 pi; leave out a whole turn"
+                f"angle_max - angle_min is {span:.4f} rad, not between 0 and 2 pi; for a full turn, leave out angle_max"
             )
         if self.samples < 2:
-            raise ValueError("from angle_min to angle_max there are at least 2 samples")
+            raise ValueError("a laser with angle_max needs at least 2 samples")
 
     @property
     def increment(self) -> float:
@@ -263,11 +263,11 @@ def read_model(model: str) -> RobotModel:
 @lru_cache(64)
 def _read(model: str, path: Path, _: int) -> RobotModel:
     """Read its file; cached until the file changes."""
-    where = Path(read_facts(model).origin).with_name("model.toml") if is_made(model) else path
+    where = Path(read_facts(model).origin).with_name("model.toml") if is_imported(model) else path
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
         table = msgspec.toml.decode(text)
-        if "wheels" in table:
+        if isinstance(table.get("wheels"), dict):
             _fill_from_urdf(table["wheels"], model)
         found = msgspec.convert(table, RobotModel)
     except NoWheels as error:
@@ -284,7 +284,7 @@ def _without_file(model: str) -> RobotModel:
     try:
         return msgspec.json.decode((Path(model) / INFERRED_FILE).read_bytes(), type=RobotModel)
     except (OSError, *DECODE_ERRORS):
-        raise UnknownModel(f"the files of the robot {model} are gone or damaged: name it by its own file") from None
+        raise not_in_cache(model) from None
 
 
 def _check_links(found: RobotModel, model: str, where: Path, text: str) -> None:
@@ -296,8 +296,8 @@ def _check_links(found: RobotModel, model: str, where: Path, text: str) -> None:
             named[f"{each}.link"] = [part.link]
     if found.sonar is not None:
         named["sonar.links"] = list(found.sonar.links)
-    for key, wanted in named.items():
-        for link in wanted:
+    for key, names in named.items():
+        for link in names:
             if link not in links:
                 raise unknown_name("link", link, links, f"{where}{_line(text, f'$.{key}')}: {key}")
 
@@ -313,17 +313,18 @@ def _line(text: str, error: str) -> str:
     line = 0
     lines = text.splitlines()
     for key in keys:
-        pattern = re.compile(rf"\s*(\[\s*{key}\s*\]|{key}\s*=)")
+        pattern = re.compile(rf"\s*(\[+\s*{key}\s*\]|{key}\s*=)")
         line = next((n for n, each in enumerate(lines) if n >= line and pattern.match(each)), line)
     return f":{line + 1}" if keys else ""
 
 
 def _fill_from_urdf(wheels: dict[str, Any], name: str) -> None:
     """Fill in missing wheel values of the model file from the URDF."""
-    if {"separation", "radius"} <= wheels.keys() or not {"left_joint", "right_joint"} <= wheels.keys():
+    left, right = wheels.get("left_joint"), wheels.get("right_joint")
+    if {"separation", "radius"} <= wheels.keys() or not (isinstance(left, str) and isinstance(right, str)):
         return
-    pair = read_wheels(physics_urdf_path(name), wheels["left_joint"], wheels["right_joint"])
+    pair = read_wheels(physics_urdf_path(name), left, right)
     if pair.left_radius is None and "radius" not in wheels:
-        raise NoWheels(f"{name}: neither [wheels] nor a collision sphere or cylinder of the left wheel tells a radius")
+        raise NoWheels(f"{name}: neither [wheels] nor a collision sphere or cylinder of the left wheel gives a radius")
     wheels.setdefault("separation", pair.separation)
     wheels.setdefault("radius", pair.left_radius)

@@ -23,6 +23,8 @@ MAX_DEPTH = 4
 MAX_PACKAGE_XML = 1 << 20
 """Maximum size of a ``package.xml`` [bytes]."""
 
+_MODEL_PATHS = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
+
 
 class FileNotAllowed(BadInput):
     """A description refers to a file that it may not read, or to a package that does not exist."""
@@ -51,7 +53,7 @@ class FileAccess:
         if not any(real.is_relative_to(os.path.realpath(each)) for each in self.folders):
             known = ", ".join(map(str, self.folders)) or "none"
             raise FileNotAllowed(
-                f"{uri} lies outside the folders from which a request may take files ({known}): put it there, add "
+                f"{uri} lies outside the folders from which a request may read files ({known}): put it there, add "
                 "the folder to packages in [run] of the fleet file, or spawn it with ./elea sim spawn"
             )
 
@@ -75,9 +77,10 @@ class PackagePath:
             if folder.is_dir():
                 return folder
         near = did_you_mean(name, self._names(source))
+        variables = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", *(_MODEL_PATHS if kind == "model" else ()))
         raise FileMissing(
-            f"there is no {kind} {name!r}{near}: it is looked for above {source}, in packages of [run] of the fleet "
-            f"file, in ROS_PACKAGE_PATH and in AMENT_PREFIX_PATH"
+            f"there is no {kind} {name!r}{near}: searched above {source}, in packages in [run] of the fleet file, and "
+            f"in {', '.join(variables)}"
         )
 
     def roots(self) -> tuple[Path, ...]:
@@ -101,7 +104,7 @@ class PackagePath:
         for folder in self._listed("AMENT_PREFIX_PATH"):
             yield folder / "share" / name
         if kind == "model":
-            for variable in ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"):
+            for variable in _MODEL_PATHS:
                 for folder in self._listed(variable):
                     yield folder / name
 
@@ -157,7 +160,7 @@ def find_file(uri: str, source: Path, packages: PackagePath, access: FileAccess 
         path = folder / inner.lstrip("/")
         _check_inside(path, folder, name, uri)
     else:
-        raise FileNotAllowed(f"{uri[:200]!r}: files are named by package://, model://, file:// or a path")
+        raise FileNotAllowed(f"{uri[:200]!r}: a file is given by package://, model://, file:// or a path")
     access.check(path, uri)
     return Path(os.path.abspath(path))
 

@@ -15,7 +15,7 @@ from messages.errors import BadInput
 UNUSED_DAYS = 30
 """Days after which an unused robot is removed."""
 
-MADE = re.compile(r"[A-Za-z0-9_.]+-[0-9a-f]{16}")
+IMPORTED = re.compile(r"[A-Za-z0-9_.]+-[0-9a-f]{16}")
 """Name of a robot's folder: the robot's name and the hash of all its inputs."""
 
 
@@ -25,14 +25,14 @@ def robots_folder(environment: Mapping[str, str] = os.environ) -> Path:
     return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "elea" / "robots"
 
 
-def is_made(model: str) -> bool:
+def is_imported(model: str) -> bool:
     """Whether a model is the folder of an imported robot."""
-    return MADE.fullmatch(model.rpartition("/")[2]) is not None and Path(model).is_absolute()
+    return IMPORTED.fullmatch(model.rpartition("/")[2]) is not None and Path(model).is_absolute()
 
 
 def display_name(model: str) -> str:
     """Return the display name of a model; for an imported robot, without its cache folder and hash."""
-    return model.rpartition("/")[2].rpartition("-")[0] if is_made(model) else model
+    return model.rpartition("/")[2].rpartition("-")[0] if is_imported(model) else model
 
 
 def write_folder(folder: Path, write: Callable[[Path], None]) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import msgspec
 
 from messages.base import DECODE_ERRORS
-from models import UnknownModel
-from models.robot_cache import is_made
+from models import not_in_cache
+from models.robot_cache import is_imported
 
 
 class Skid(msgspec.Struct, frozen=True, kw_only=True):
@@ -56,9 +56,9 @@ def read_facts(model: str) -> RobotFacts:
     try:
         return msgspec.json.decode((Path(model) / "facts.json").read_bytes(), type=RobotFacts)
     except (OSError, *DECODE_ERRORS):
-        raise UnknownModel(f"there is no robot {model} any more: spawn it, or start the fleet, by its file") from None
+        raise not_in_cache(model) from None
 
 
 def read_notes(model: str) -> tuple[str, ...]:
     """Return the assumptions made about a robot; empty for a built-in one."""
-    return read_facts(model).notes if is_made(model) else ()
+    return read_facts(model).notes if is_imported(model) else ()

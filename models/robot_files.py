@@ -15,7 +15,7 @@ import msgspec
 from messages.errors import BadInput
 from models.engine_fit import DrivenWheels, find_suspensions, fit_urdf
 from models.gazebo_tags import parse_gazebo_tags
-from models.inertials import mend_inertias
+from models.inertials import repair_inertias
 from models.inferred import infer_model
 from models.input_file import read_limited
 from models.mesh import Mesh, read_mesh
@@ -27,7 +27,7 @@ from models.shapes import read_shapes
 from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
-FORMAT = "15"
+FORMAT = "16"
 """Format version; increased when the same robot would produce other files."""
 MAX_MODEL_TOML = 1 << 20
 """Maximum size of a ``model.toml`` [bytes]."""
@@ -64,7 +64,7 @@ class _NamedFiles:
     def _find(self, uri: str) -> Path:
         if uri not in self.found:
             if self._path is None and "://" not in uri and not os.path.isabs(uri):
-                raise BadInput(f"mesh {uri!r}: a URDF without a file names its meshes by package:// or file://")
+                raise BadInput(f"mesh {uri!r}: a URDF without a file refers to its meshes by package:// or file://")
             self.found[uri] = find_file(uri, self._source, self._packages, self._access)
         return self.found[uri]
 
@@ -106,12 +106,12 @@ def make_robot(
     notes: list[str] = []
     if _OPEN_NAMES.search(urdf):
         urdf = _OPEN_NAMES.sub("", urdf)
-        notes.append("placeholders for a prefix, as ${namespace}, are left out of its names")
+        notes.append("placeholders for a prefix, such as ${namespace}, are removed from its names")
     robot, description = parse_xml(urdf, label), parse_urdf(urdf, label)
     files = _NamedFiles(path, base or Path("/"), packages, access)
     with located(label):
         shapes = read_shapes(robot, files.read, faults)
-        mended = mend_inertias(description, shapes)
+        repaired = repair_inertias(description, shapes)
     name = re.sub(r"[^A-Za-z0-9_.]+", "_", name or description.name).strip("_.")[:60] or "robot"
     resolved = _with_paths(urdf, {uri: f"file://{file}" for uri, file in files.found.items()})
     toml = read_limited(config, MAX_MODEL_TOML, "a model.toml") if config is not None else b""
@@ -124,29 +124,30 @@ def make_robot(
         contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
         shown = path.name if path is not None else label
         tags = parse_gazebo_tags(resolved, shown)
-        chosen: tuple[str, ...] = ()
+        inferred_notes: tuple[str, ...] = ()
         if config is not None:
             driven = _stated_wheels(toml)
         else:
-            model, chosen = infer_model(description, shapes, tags, shown)
+            model, inferred_notes = infer_model(description, shapes, tags, shown)
             driven = DrivenWheels.of(model)
             (into / INFERRED_FILE).write_bytes(msgspec.json.encode(model))
-        slides = find_suspensions(description, driven)
-        own, held = _with_fixed_joints(resolved, slides), description
-        springs: list[str] = []
-        if slides:
-            held = parse_urdf(own)
-            springs.append(f"suspensions of wheels, which are fixed since no spring acts here: {', '.join(slides)}")
+        suspensions = find_suspensions(description, driven)
+        published, simulated = _with_fixed_joints(resolved, suspensions), description
+        fixed: list[str] = []
+        if suspensions:
+            simulated = parse_urdf(published)
+            names = ", ".join(suspensions)
+            fixed.append(f"wheel suspensions, which are fixed since springs are not simulated: {names}")
         written = EngineFiles(into, folder)
-        physics, assumed = physics_urdf(held, shapes, mended.inertias, contacts, written)
-        fit = fit_urdf(physics, held, shapes, tags.friction, driven)
-        viewer = viewer_urdf(held, shapes, files.found, written)
+        physics, assumed = physics_urdf(simulated, shapes, repaired.inertias, contacts, written)
+        fit = fit_urdf(physics, simulated, shapes, tags.friction, driven)
+        viewer = viewer_urdf(simulated, shapes, files.found, written)
         viewer = _with_paths(viewer, {uri: str(file) for uri, file in files.found.items()})
-        for file, text in (("robot.urdf", own), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
+        for file, text in (("robot.urdf", published), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:
             (into / "model.toml").write_bytes(toml)
-        reach, lowest, highest = extents(held, shapes)
+        reach, lowest, highest = extents(simulated, shapes)
         left_out = [f"{label}: {each}" for shape in shapes.values() for each in shape.remarks]
         facts = RobotFacts(
             name=name,
@@ -155,7 +156,7 @@ def make_robot(
             reach=reach,
             lowest=lowest,
             highest=highest,
-            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen, *springs),
+            notes=(*notes, *left_out, *description.warnings, *repaired.notes, *assumed, *inferred_notes, *fixed),
             height=fit.height,
             starts=fit.starts,
             skid=fit.skid,
@@ -199,7 +200,9 @@ def _with_fixed_joints(urdf: str, joints: Sequence[str]) -> str:
 
     def fixed(found: re.Match[str]) -> str:
         name = re.search(r"\bname\s*=\s*[\"']([^\"']*)", found[0])
-        return found[0].replace("prismatic", "fixed") if name is not None and name[1] in joints else found[0]
+        if name is None or name[1] not in joints:
+            return found[0]
+        return re.sub(r"(\btype\s*=\s*[\"'])prismatic", r"\1fixed", found[0])
 
     return re.sub(r"<joint\b[^<>]*>", fixed, urdf) if joints else urdf
 

@@ -16,7 +16,7 @@ from messages.errors import BadInput, unknown_name
 from models import MODELS, UnknownModel, urdf_path
 from models.model import read_model
 from models.packages import OWNER, FileAccess, PackagePath
-from models.robot_cache import MADE, robots_folder
+from models.robot_cache import IMPORTED, robots_folder
 from models.robot_facts import read_facts
 from models.urdf import read_urdf
 from models.xacro_file import XacroValue, expand_xacro
@@ -64,21 +64,21 @@ def resolve_robot(
         faults: Collects errors of unreadable meshes, which are then left out; without a list they are raised.
     """
     if xacro_args and not names_file(model):
-        raise BadInput(f"xacro_args are for a xacro, which {model[:100]!r} is not")
+        raise BadInput(f"xacro_args are only for a xacro: {model[:100]!r} is not the path of one")
     if model in MODELS:
         return RobotSource(model, model, urdf_path(model))
-    if (made := find_made(model)) is not None:
-        return made
+    if (found := find_imported(model)) is not None:
+        return found
     if not names_file(model):
         error = unknown_name("model", model, MODELS)
         own = model if (base / model).is_dir() else f"{model[:80]}.urdf"
-        raise UnknownModel(f"{error}; a robot of your own is named by its path, as ./{own}")
+        raise UnknownModel(f"{error}; give a robot of your own by its path, e.g. ./{own}")
     path = _robot_file(base / os.path.expanduser(model) if access.folders is None else base / model, access)
     if path.suffix.lower() == ".xacro":
         if not access.run_xacro:
             raise BadInput(
-                f"{path}: a xacro is code, and none that a request names is run: spawn it with ./elea sim spawn, "
-                "which expands it at your side, or send the URDF"
+                f"{path}: a xacro is code, and a request may not run code: spawn it with ./elea sim spawn, which "
+                "expands it on your side, or send the URDF"
             )
         urdf, label = expand_xacro(path, xacro_args or {}, packages), f"{path} (expanded)"
     else:
@@ -86,9 +86,11 @@ def resolve_robot(
         if "<xacro:" in urdf and access.run_xacro:
             urdf, label = expand_xacro(path, xacro_args or {}, packages), f"{path} (expanded)"
         elif xacro_args:
-            raise BadInput(f"{path}: xacro_args are for a xacro, and this is a plain URDF")
+            raise BadInput(f"{path}: xacro_args are only for a xacro: this is a plain URDF")
     toml = path.with_name("model.toml")
     config = toml if path.name in _FILES and toml.exists() else None
+    if config is not None:
+        access.check(config, str(config))
     return _make(_name_of(path), urdf, path, label, config, packages, access, faults=faults)
 
 
@@ -100,14 +102,16 @@ def resolve_urdf_text(
     With ``base``, its packages are also searched for above that folder.
     """
     if "<xacro:" in urdf:
-        raise BadInput("this text is a xacro: it is code, and is not run; send the URDF that the command xacro makes")
+        raise BadInput(
+            "this text is a xacro, which is code and is not run: send the URDF that the command xacro prints"
+        )
     return _make(name, urdf, None, name or "the URDF", None, packages, access, base)
 
 
-def find_made(model: str) -> RobotSource | None:
+def find_imported(model: str) -> RobotSource | None:
     """Return the robot with this ``RobotSource.model``; None if it was never imported, or removed as unused."""
     folder = Path(model) if "/" in model else robots_folder() / model
-    if not MADE.fullmatch(folder.name) or folder.parent != robots_folder() or not (folder / "facts.json").is_file():
+    if not IMPORTED.fullmatch(folder.name) or folder.parent != robots_folder() or not (folder / "facts.json").is_file():
         return None
     return _source(folder)
 
@@ -147,15 +151,16 @@ def _robot_file(path: Path, access: FileAccess) -> Path:
         return path
     for name in _FILES:
         if (path / name).is_file():
+            access.check(path / name, str(path / name))
             return path / name
     found = [each for folder in (path, path / "urdf") for each in sorted(folder.glob("*")) if _is_robot_file(each)]
     if len(found) == 1:
         access.check(found[0], str(found[0]))
         return found[0]
     if not found:
-        raise BadInput(f"{path} holds no robot: a folder of a robot has robot.urdf, or one URDF or xacro")
+        raise BadInput(f"{path} contains no robot: a robot's folder has a robot.urdf, or exactly one URDF or xacro")
     names = ", ".join(str(each.relative_to(path)) for each in found[:20])
-    raise BadInput(f"{path} holds {len(found)} robots, name one of them: {names}")
+    raise BadInput(f"{path} contains {len(found)} robots, choose one of them: {names}")
 
 
 def _is_robot_file(path: Path) -> bool:

@@ -71,33 +71,6 @@ def read_sdf_world(path: Path, packages: Sequence[Path] = ()) -> WorldDescriptio
     return _Reader(packages).world(read_sdf(path), path)
 
 
-def bodies_of_sdf_model(
-    text: str,
-    name: str = "",
-    pose: Pose3 = IDENTITY,
-    folder: Path | None = None,
-    packages: Sequence[Path] = (),
-    access: FileAccess = OWNER,
-) -> WorldDescription:
-    """Read the bodies of the model in a text, and notes on unsupported content; raises BadWorld.
-
-    Args:
-        text: SDF with one model.
-        name: Its new name, by default its own.
-        pose: The frame of the model's own pose.
-        folder: The folder that its paths are relative to, by default the working directory.
-        packages: Folders in which ``model://`` and ``package://`` are searched for.
-        access: The files it may refer to.
-    """
-    where = (folder or Path()) / "model.sdf"
-    root, reader = parse_sdf(text, where), _Reader(packages, access)
-    models = [each for each in root.children if each.tag == "model"]
-    if len(models) != 1:
-        raise BadWorld(f"{where}:{root.line}: the text has {len(models)} models, not one")
-    bodies = tuple(reader.model(models[0], pose, name, 0))
-    return WorldDescription(bodies=_with_own_names(bodies), notes=tuple(reader.notes.values()))
-
-
 @dataclass(frozen=True)
 class SdfLink:
     """A link of a model: its pose in the model, its parts in its own frame, its mass [kg], centre and moments."""
@@ -135,7 +108,6 @@ class SdfModel:
 
     name: str
     static: bool
-    pose: Pose3
     links: tuple[SdfLink, ...]
     joints: tuple[SdfJoint, ...]
     tags: tuple[tuple[str, SdfElement], ...]
@@ -145,7 +117,14 @@ class SdfModel:
 def read_sdf_model(
     text: str, folder: Path | None = None, packages: Sequence[Path] = (), access: FileAccess = OWNER
 ) -> SdfModel:
-    """Read the links and joints of the model in a text, as ``bodies_of_sdf_model`` does; raises BadWorld."""
+    """Read the links and joints of the model in a text, and notes on unsupported content; raises BadWorld.
+
+    Args:
+        text: SDF with one model.
+        folder: The folder that its paths are relative to, by default the working directory.
+        packages: Folders in which ``model://`` and ``package://`` are searched for.
+        access: The files it may refer to.
+    """
     element = _only_model(text, (folder or Path()) / "model.sdf")
     return _Reader(packages, access).whole_model(element)
 
@@ -186,15 +165,16 @@ class _Reader:
         if len(worlds) > 1:
             self._note(worlds[1], "a file's second world is left out")
         top = worlds[0] if worlds else root
+        frames = _Frames(self, top)
         bodies: list[WorldBody] = []
         for child in top.children:
             if child.tag in ("model", "include") and self._is_out_of_reach(child):
                 continue
             match child.tag:
                 case "model":
-                    bodies += self.model(child, IDENTITY, "", 0)
+                    bodies += self.model(child, frames.base_of(child), "", 0)
                 case "include":
-                    bodies += self._include(child, IDENTITY, 0)
+                    bodies += self._include(child, frames.base_of(child), 0)
                 case "light":
                     self.lights.append(self._light(child))
                 case "actor":
@@ -223,6 +203,7 @@ class _Reader:
         frames = _Frames(self, element)
         pose = above @ frames.own_pose
         stands = self._flag(element, "static", False) if static is None else static
+        static_inside = True if stands else None
         links: list[SdfLink] = []
         for child in element.children:
             match child.tag:
@@ -230,9 +211,9 @@ class _Reader:
                     links.append(self._link(child, frames.pose_of(child), stands))
                 case "model":
                     inner = f"{name}::{child.attributes.get('name', 'model')}"
-                    yield from self.model(child, pose, inner, depth + 1, True if stands else None)
+                    yield from self.model(child, pose @ frames.base_of(child), inner, depth + 1, static_inside)
                 case "include":
-                    yield from self._include(child, pose, depth + 1, f"{name}::", True if stands else None)
+                    yield from self._include(child, pose @ frames.base_of(child), depth + 1, f"{name}::", static_inside)
                 case "joint" | "static" | "pose" | "frame":
                     pass
                 case _:
@@ -257,24 +238,23 @@ class _Reader:
             elif child.tag == "plugin":
                 tags.append(("", child))
         for child in inner:
-            links += self._inner_links(child, stands)
+            links += self._inner_links(child, frames.base_of(child), stands)
         return SdfModel(
             name=element.attributes.get("name", "model"),
             static=stands,
-            pose=frames.own_pose,
             links=tuple(links),
             joints=tuple(joints),
             tags=tuple(tags),
             notes=tuple(self.notes.values()),
         )
 
-    def _inner_links(self, element: SdfElement, stands: bool) -> Iterator[SdfLink]:
-        """Yield the bodies of a nested model as links of the outer one."""
+    def _inner_links(self, element: SdfElement, base: Pose3, stands: bool) -> Iterator[SdfLink]:
+        """Yield the bodies of a nested model as links of the outer one; its pose is relative to ``base``."""
         static = True if stands else None
         if element.tag == "include":
-            bodies = self._include(element, IDENTITY, 1, "", static)
+            bodies = self._include(element, base, 1, "", static)
         else:
-            bodies = self.model(element, IDENTITY, "", 1, static)
+            bodies = self.model(element, base, "", 1, static)
         for body in bodies:
             yield SdfLink(
                 body.name.replace("::", "_"),
@@ -319,7 +299,7 @@ class _Reader:
         joints = [each for each in element.children if each.tag == "joint"]
         jointed = [each for each in joints if each.attributes.get("type") != "fixed"]
         if jointed and not stands:
-            self._note(jointed[0], f"the model {name!r} has joints that move: it stands still as it is")
+            self._note(jointed[0], f"the model {name!r} has movable joints: it is simulated as one fixed body")
         if stands or jointed:
             parts = tuple(replace(part, pose=link.pose @ part.pose) for link in links for part in link.parts)
             if parts:
@@ -383,7 +363,7 @@ class _Reader:
             elif solid or kind.tag != "mesh":
                 raise
             else:
-                self._note(kind, f"what is only shown is left out: {error}", key=str(error))
+                self._note(kind, f"this visual is left out: {error}", key=str(error))
             return []
         if shape is None:
             return []
@@ -406,7 +386,7 @@ class _Reader:
                 return SphereShape(self._length(kind, "radius"))
             case "capsule":
                 radius = self._length(kind, "radius")
-                self._note(kind, "a capsule is a cylinder of its whole length here")
+                self._note(kind, "a capsule is replaced by a cylinder of the same total length")
                 return CylinderShape(radius, self._length(kind, "length") + 2 * radius)
             case "ellipsoid":
                 x, y, z = self._size(kind, "radii")
@@ -430,7 +410,7 @@ class _Reader:
             self._note(kind, "a mesh that is scaled by 0 is left out")
             return None
         if (part := kind.find("submesh")) is not None:
-            self._note(part, "the whole mesh is taken")
+            self._note(part, "the submesh is ignored: the complete mesh is used")
         file = self._file(kind)
         try:
             return self._meshes.mesh(file, (x, y, z))
@@ -441,8 +421,9 @@ class _Reader:
         x, y, z = self._vector(kind, "size", (1.0, 1.0, 1.0))
         if min(x, y, z) <= 0:
             self._fail(kind, "a height map's size is positive")
+        file = self._file(kind)
         try:
-            return self._meshes.height_map(self._file(kind), (0.0, z), (x, y))
+            return self._meshes.height_map(file, (0.0, z), (x, y))
         except BadInput as error:
             self._fail(kind, str(error))
 
@@ -508,7 +489,7 @@ class _Reader:
         if not models and light is None:
             self._fail(uri, f"{file} has no model")
         name = element.find("name")
-        if self._flag_stated(element, "static"):
+        if element.find("static") is not None:
             static = self._flag(element, "static", False)
         for model in models[:1]:
             own = prefix + (name.text if name is not None and name.text else model.attributes.get("name", "model"))
@@ -532,7 +513,7 @@ class _Reader:
         mass = self._number(inertial, "mass", 1.0, most=1e9)
         if mass > 0:
             return max(LEAST_MASS, mass)
-        self._note(inertial, f"a mass of {mass:g} kg is 1 kg here")
+        self._note(inertial, f"a mass of {mass:g} kg is replaced by 1 kg")
         return 1.0
 
     def _moments(self, tensor: SdfElement) -> Vector | None:
@@ -659,9 +640,6 @@ class _Reader:
         found = element.find(tag)
         return default if found is None else found.text.strip().lower() in ("1", "true")
 
-    def _flag_stated(self, element: SdfElement, tag: str) -> bool:
-        return element.find(tag) is not None
-
     def _unknown(self, element: SdfElement) -> None:
         if element.tag not in _SILENT.split():
             self._note(element, "it is not understood, and ignored")
@@ -680,10 +658,10 @@ class _Reader:
 
 
 class _Frames:
-    """The frames inside a model or link: poses may be ``relative_to`` another of its elements, by name."""
+    """The frames inside a world, model or link: poses may be ``relative_to`` another of its elements, by name."""
 
     def __init__(self, reader: _Reader, owner: SdfElement) -> None:
-        self._reader = reader
+        self._reader, self._kind = reader, owner.tag
         self._named = {
             each.attributes["name"]: each
             for each in owner.children
@@ -694,16 +672,19 @@ class _Frames:
 
     def pose_of(self, element: SdfElement) -> Pose3:
         """Return the pose of an element in the frame of its owner."""
+        return self.base_of(element) @ self._reader._pose(element.find("pose"))
+
+    def base_of(self, element: SdfElement) -> Pose3:
+        """Return the pose, in the frame of its owner, of the frame that the pose of an element is relative to."""
         stated = element.find("pose")
-        pose = self._reader._pose(stated)
         base = stated.attributes.get("relative_to") or stated.attributes.get("frame") if stated is not None else None
         base = base or element.attributes.get("attached_to")
         if not base or base in ("__model__", "__root__", "world"):
-            return pose
+            return IDENTITY
         if base not in self._named:
-            assert stated is not None
-            self._reader._note(stated, f"there is no frame {base!r} beside it: its pose is taken in the model's frame")
-            return pose
+            where, kind = element if stated is None else stated, self._kind
+            self._reader._note(where, f"there is no frame {base!r} in this {kind}: the pose is in the {kind}'s frame")
+            return IDENTITY
         if base in self._seen:
             self._reader._fail(element, f"the poses of {', '.join(self._seen)} are relative to each other")
         if len(self._seen) >= MAX_CHAIN:
@@ -711,7 +692,7 @@ class _Frames:
         self._seen.append(base)
         under = self.pose_of(self._named[base])
         self._seen.pop()
-        return under @ pose
+        return under
 
     def joint_pose(self, joint: SdfElement, child: str) -> Pose3:
         """Return the pose of a joint in the frame of its owner; by default it is stated in the frame of its child."""

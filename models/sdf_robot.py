@@ -13,8 +13,9 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from messages.errors import BadInput, unknown_name
-from messages.se3 import IDENTITY, Pose3, rotate, rpy_from_quaternion
-from models.bodies import BadWorld, BodyPart, BoxShape, CylinderShape, MeshShape, SphereShape
+from messages.se3 import IDENTITY, Pose3, rpy_from_quaternion
+from models.bodies import BadWorld, BodyPart, BoxShape, CylinderShape, MeshShape, SphereShape, WorldBody
+from models.mass_properties import mass_properties
 from models.packages import OWNER, FileAccess
 from models.sdf import SdfJoint, SdfLink, SdfModel, read_sdf_model
 from models.sdf_xml import ROOTS, SdfElement, without_comments
@@ -83,7 +84,9 @@ def _tree(model: SdfModel, notes: list[str]) -> tuple[str, list[SdfJoint]]:
                 raise BadWorld(str(unknown_name("link", end, links, f"joint {joint.name!r}")))
         if "world" in (joint.parent, joint.child):
             if joint.kind != "fixed":
-                raise BadWorld(f"joint {joint.name!r} is {joint.kind} to the world: a model can be fixed to it alone")
+                raise BadWorld(
+                    f"joint {joint.name!r} is {joint.kind} to the world: only fixed joints to the world are supported"
+                )
             continue
         if joint.child in held:
             notes.append(f"joint {joint.name!r} closes a loop, and is left out")
@@ -97,7 +100,7 @@ def _tree(model: SdfModel, notes: list[str]) -> tuple[str, list[SdfJoint]]:
         raise BadWorld(f"the joints of {model.name!r} form a ring: no link is its root")
     for name in free[1:]:
         if not model.static:
-            notes.append(f"link {name!r} is joined to {free[0]!r} by no joint: it is held to it")
+            notes.append(f"no joint connects link {name!r} to {free[0]!r}: it is fixed to it")
         pose = links[name].pose
         held[name] = SdfJoint(f"{name}_fixed", "fixed", free[0], name, pose, (0.0, 0.0, 1.0), 0, 0, 0, 0, 0, 0)
     return free[0], list(held.values())
@@ -108,14 +111,16 @@ def _add_link(robot: ElementTree.Element, link: SdfLink, pose: Pose3) -> None:
     made = ElementTree.SubElement(robot, "link", name=link.name)
     if any(part.solid for part in link.parts) or link.moments is not None:
         inertial = ElementTree.SubElement(made, "inertial")
-        _add_origin(inertial, pose @ Pose3(link.centre or _middle(link)))
+        body = WorldBody(link.name, link.parts, mass=link.mass, centre=link.centre, moments=link.moments)
+        properties = mass_properties(body)
+        _add_origin(inertial, pose @ Pose3(properties.centre))
         ElementTree.SubElement(inertial, "mass", value=_text(link.mass))
-        x, y, z = link.moments or _moments(link)
+        x, y, z = properties.moments
         tensor = {"ixx": x, "iyy": y, "izz": z, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
         ElementTree.SubElement(inertial, "inertia", {name: _text(value) for name, value in tensor.items()})
     for part in link.parts:
-        for tag, wanted in (("visual", part.visible), ("collision", part.solid)):
-            if wanted:
+        for tag, present in (("visual", part.visible), ("collision", part.solid)):
+            if present:
                 _add_part(made, tag, part, pose @ part.pose)
     gazebo = ElementTree.SubElement(robot, "gazebo", reference=link.name)
     for name in ("mu1", "mu2"):
@@ -137,7 +142,7 @@ def _add_part(link: ElementTree.Element, tag: str, part: BodyPart, pose: Pose3) 
             ElementTree.SubElement(geometry, "mesh", filename=f"file://{file}", scale=" ".join(map(_text, scale)))
         case _:
             raise BadWorld(
-                f"link {link.get('name')!r}: height maps, polylines and ellipsoids come with a world's file alone; "
+                f"link {link.get('name')!r}: height maps, polylines and ellipsoids are supported only in world files; "
                 "boxes, cylinders, spheres and meshes can be spawned"
             )
     if tag == "visual":
@@ -176,29 +181,6 @@ def _element(tag: SdfElement) -> ElementTree.Element:
     made.text = tag.text
     made.extend([_element(each) for each in tag.children])
     return made
-
-
-def _middle(link: SdfLink) -> tuple[float, float, float]:
-    """Return the centre of mass of a link that states none: the centre of its first solid part."""
-    return next((part.pose.position for part in link.parts if part.solid), (0.0, 0.0, 0.0))
-
-
-def _moments(link: SdfLink) -> tuple[float, float, float]:
-    """Return the moments of inertia of a link that states none, from its first solid shape."""
-    part = next((part for part in link.parts if part.solid), None)
-    match None if part is None else part.shape:
-        case SphereShape(radius):
-            x = y = z = 0.4 * radius**2
-        case CylinderShape(radius, length):
-            x = y = radius**2 / 4 + length**2 / 12
-            z = radius**2 / 2
-        case BoxShape((a, b, c)):
-            x, y, z = (b * b + c * c) / 12, (a * a + c * c) / 12, (a * a + b * b) / 12
-        case _:
-            x = y = z = 0.01
-    if part is not None:
-        x, y, z = (abs(each) for each in rotate(part.pose.orientation, (x, y, z)))
-    return link.mass * x, link.mass * y, link.mass * z
 
 
 def _text(value: float) -> str:

@@ -55,7 +55,7 @@ def read_sdf(path: Path, roots: tuple[str, ...] = ROOTS) -> SdfElement:
 def parse_sdf(text: str, path: Path, roots: tuple[str, ...] = ROOTS) -> SdfElement:
     """Parse a text to its root; ``path`` is used in errors. Raises BadWorld."""
     stack: list[SdfElement] = [SdfElement("", {}, path, 1)]
-    parser, count = expat.ParserCreate(), 0
+    parser, count = expat.ParserCreate("utf-8"), 0
     # White space before the declaration is not XML.
     before = len(text) - len(text.lstrip())
     skipped, text = text[:before].count("\n"), text[before:]

@@ -14,8 +14,6 @@ from models.mesh import Mesh
 SIDES = 24
 """Number of sides of a cylinder, and of meridians of a sphere."""
 
-Floats = NDArray[np.float64]
-
 
 def shape_mesh(shape: Shape, most_rows: int = 0) -> Mesh:
     """Return the triangles of a shape in its own frame, counter-clockwise as seen from outside.

@@ -188,8 +188,8 @@ def _numbers(element: ElementTree.Element, attribute: str, count: int, where: st
     except ValueError:
         values = ()
     if len(values) != count:
-        wanted = "a number" if count == 1 else f"{count} numbers"
-        raise BadUrdf(f"{where}: {element.tag} {attribute}={text[:60]!r} is not {wanted}")
+        expected = "a number" if count == 1 else f"{count} numbers"
+        raise BadUrdf(f"{where}: {element.tag} {attribute}={text[:60]!r} is not {expected}")
     if not all(abs(each) <= MAX_VALUE for each in values):
         raise BadUrdf(f"{where}: {element.tag} {attribute}={text[:60]!r} exceeds {MAX_VALUE:g}")
     return values

@@ -12,7 +12,7 @@ from models.model import SteeredWheel, SteeringConfig
 from models.shapes import LinkShapes
 from models.urdf import Joint, RobotDescription
 from models.urdf_writer import link_poses
-from models.wheels import Wheel, read_wheel, rolling_joints, turns_for_ever
+from models.wheels import Wheel, is_continuous, read_wheel, rolling_joints
 
 TRAIL = 0.2
 """Maximum trail of a steered wheel, in wheel radii; the wheel of a caster is farther behind its swivel axis."""
@@ -65,7 +65,7 @@ def find_steering(
             others.append(wheel)
         for swivel, place, up in swivels[:1]:
             trail = abs(wheel.place[0] - place[0])
-            if trail <= TRAIL * wheel.radius and (swivel.name in commanded or not turns_for_ever(swivel)):
+            if trail <= TRAIL * wheel.radius and (swivel.name in commanded or not is_continuous(swivel)):
                 steered.append(Steered(wheel, swivel, up))
     left, right = ([each for each in others if each.place[1] * side > 0] for side in (1, -1))
     if not steered or len(left) != 1 or len(right) != 1:
@@ -87,7 +87,7 @@ def steering_config(base: SteeredBase, stated: float | None, mass: float) -> Ste
         x, y, _ = each.wheel.place
         limits = each.steering.limits
         bounds = [abs(end) for end in (limits.lower, limits.upper) if end is not None]
-        least = min(bounds, default=0.0) if not turns_for_ever(each.steering) else 0.0
+        least = min(bounds, default=0.0) if not is_continuous(each.steering) else 0.0
         tangent = math.tan(min(least or MAX_STEER, stated or FARTHEST_STEER, FARTHEST_STEER))
         # The inner wheel of a curve turns farthest: tan(a) = k x / (1 - k |y|).
         curvatures.append(tangent / (abs(x - axle) + abs(y) * tangent))

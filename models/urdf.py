@@ -15,7 +15,7 @@ from typing import NoReturn, TypeVar
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from messages.errors import BadInput, did_you_mean
+from messages.errors import BadInput, did_you_mean, list_names
 from messages.se3 import IDENTITY, Pose3, Rotation, Vector, quaternion_from_rpy, quaternion_multiply, rotate
 from models import urdf_path
 from models.input_file import read_limited
@@ -184,11 +184,6 @@ def read_joint_limits(name: str) -> dict[str, JointLimits]:
     return {each.name: each.limits for each in read_joints(name) if each.single_dof}
 
 
-def link_offset(name: str, link: str) -> Vector:
-    """Return the origin of ``link`` in the root frame of the robot ``name`` with all joints at zero, m."""
-    return read_robot(name).link_offset(link)
-
-
 def read_urdf(path: Path) -> str:
     """Read the text of a URDF file, in its declared encoding; raises BadUrdf."""
     try:
@@ -340,7 +335,7 @@ def _joint(element: ElementTree.Element) -> Joint:
     if not name:
         raise BadUrdf("a joint has no name")
     if kind not in JOINT_TYPES:
-        raise BadUrdf(f"joint {name!r} is of the type {kind!r}; there are {', '.join(JOINT_TYPES)}")
+        raise BadUrdf(f"joint {name!r} has the unknown type {kind!r} (known: {', '.join(JOINT_TYPES)})")
     where, follows = f"joint {name!r}", element.find("mimic")
     return Joint(
         name=name,
@@ -464,7 +459,7 @@ def _root(links: list[str], joints: tuple[Joint, ...], lines: Mapping[tuple[str,
     for each in joints:
         for link in (each.parent, each.child):
             if link not in links:
-                known = ", ".join(links[:100]) + (f" and {len(links) - 100} more" if len(links) > 100 else "")
+                known = list_names(links, 100)
                 raise BadUrdf(
                     f"line {lines['joint', each.name]}: joint {each.name!r}: there is no link {link!r}"
                     f"{did_you_mean(link, links)} (known: {known})"
@@ -477,9 +472,8 @@ def _root(links: list[str], joints: tuple[Joint, ...], lines: Mapping[tuple[str,
         above[each.child] = each.parent
     roots = [each for each in links if each not in above]
     if len(roots) > 1:
-        raise BadUrdf(
-            f"line {lines['link', roots[1]]}: the links are no tree: {', '.join(map(repr, roots))} hang on nothing"
-        )
+        apart = ", ".join(map(repr, roots))
+        raise BadUrdf(f"line {lines['link', roots[1]]}: the links do not form a tree: {apart} have no parent")
     for link in links:
         seen = {link}
         while (parent := above.get(link)) is not None:
@@ -504,10 +498,12 @@ def _resolve_mimics(joints: tuple[Joint, ...]) -> tuple[tuple[Joint, ...], tuple
             followed = own.get(each.mimic.joint)
             if followed is None or not followed.single_dof:
                 what = "does not exist" if followed is None else f"is {followed.kind}"
-                remarks.append(f"joint {each.name!r} mimics {each.mimic.joint!r}, which {what}: it follows nothing")
+                remarks.append(f"joint {each.name!r} mimics {each.mimic.joint!r}, which {what}: its <mimic> is ignored")
                 each = replace(each, mimic=None)
         elif each.mimic is not None:
-            remarks.append(f"joint {each.name!r} is {each.kind} and mimics {each.mimic.joint!r}: it stays as it is")
+            remarks.append(
+                f"joint {each.name!r} is {each.kind} and mimics {each.mimic.joint!r}: its <mimic> is ignored"
+            )
             each = replace(each, mimic=None)
         kept.append(each)
     _check_mimics(kept)
@@ -522,7 +518,7 @@ def _check_mimics(joints: Sequence[Joint]) -> None:
         while follower.mimic is not None:
             follower = own[follower.mimic.joint]
             if follower.name in seen:
-                raise BadUrdf(f"joints mimic each other in a circle, {follower.name!r} for one")
+                raise BadUrdf(f"joints mimic each other in a circle, e.g. {follower.name!r}")
             seen.add(follower.name)
 
 

@@ -74,12 +74,12 @@ def physics_urdf(
     own = {name: each.collisions for name, each in shapes.items()}
     if not any(own.values()) and any(each.visuals for each in shapes.values()):
         own = {name: each.visuals for name, each in shapes.items()}
-        notes.append("nothing of it has a <collision>: it collides as it looks, each mesh as its convex hull")
+        notes.append("no link has a <collision>: the visuals collide, each mesh as its convex hull")
     elif not any(own.values()):
-        notes.append("nothing of it has a shape: it touches nothing, and falls unless it is fixed")
+        notes.append("no link has a shape: the robot touches nothing, and falls unless it is fixed")
     wheels = find_wheels(robot, own)
     if wheels:
-        notes.append(f"wheels that roll as spheres of their radius: {listed(wheels)}")
+        notes.append(f"wheels simulated as spheres of their radius: {listed(wheels)}")
     root = ElementTree.Element("robot", name=robot.name or "robot")
     for link in robot.links:
         element = ElementTree.SubElement(root, "link", name=link.name)

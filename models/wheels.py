@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from messages.se3 import Pose3, Vector, rotate, rotate_inverse
+from messages.se3 import Pose3, Vector, cross, rotate, rotate_inverse
 from models.extents import support
 from models.shapes import LinkShapes, Shape
 from models.urdf import Joint, RobotDescription
@@ -73,7 +73,7 @@ def _wheel_of(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint: 
     )
 
 
-def turns_for_ever(joint: Joint) -> bool:
+def is_continuous(joint: Joint) -> bool:
     """Whether a joint is continuous, or revolute with a range above ENDLESS."""
     low, high = joint.limits.lower, joint.limits.upper
     endless = low is not None and high is not None and high - low > ENDLESS
@@ -86,7 +86,7 @@ def rolling_joints(robot: RobotDescription) -> list[Joint]:
     return [
         joint
         for joint in robot.joints
-        if turns_for_ever(joint) and abs(rotate(poses[joint.child].orientation, joint.axis)[2]) < 0.1
+        if is_continuous(joint) and abs(rotate(poses[joint.child].orientation, joint.axis)[2]) < 0.1
     ]
 
 
@@ -99,20 +99,16 @@ def _across(axis: Vector) -> tuple[Vector, Vector]:
     least = min(range(3), key=lambda each: abs(axis[each]))
     other = [0.0, 0.0, 0.0]
     other[least] = 1.0
-    one = _cross(axis, (other[0], other[1], other[2]))
+    one = cross(axis, (other[0], other[1], other[2]))
     length = math.sqrt(sum(each * each for each in one))
     one = _scaled(one, 1 / length)
-    return one, _cross(axis, one)
+    return one, cross(axis, one)
 
 
 def _combine(plane: tuple[Vector, Vector], angle: float) -> Vector:
     (a, b, c), (d, e, f) = plane
     cos, sin = math.cos(angle), math.sin(angle)
     return a * cos + d * sin, b * cos + e * sin, c * cos + f * sin
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _scaled(vector: Vector, factor: float) -> Vector:

@@ -167,7 +167,7 @@ class WorldFile(PlanKeys, frozen=True, kw_only=True, forbid_unknown_fields=True)
     lights: tuple[LightKeys, ...] = ()
 
 
-_TABLES: dict[str, type[msgspec.Struct]] = {"boxes": Box, "lights": LightKeys}
+_TABLES: dict[str, type[msgspec.Struct]] = {"boxes": Box, "lights": LightKeys, "start": Start}
 _BODIES: dict[str, type[msgspec.Struct]] = dict(
     zip(_SHAPES, (BoxKeys, CylinderKeys, SphereKeys, RampKeys, MeshKeys, HeightMapKeys), strict=True)
 )
@@ -269,15 +269,15 @@ class _TomlWorld:
             return BadWorld(f"{self._source.location(key, index, name)}: {entry.name!r}: {text}")
 
         if key == "obstacles" and not entry.path:
-            raise fail("path", "an obstacle needs a path = [[x, y], ...]; what stands still is a body")
+            raise fail("path", "an obstacle needs a path = [[x, y], ...]; one that stands still belongs in [[bodies]]")
         if entry.path and entry.mass is not None:
-            raise fail("mass", "what follows a path pushes and is not pushed: it has no mass")
+            raise fail("mass", "a body with a path cannot be pushed: it has no mass")
         if entry.fixed and (entry.mass is not None or entry.path):
             raise fail("fixed", "a fixed body has neither a mass nor a path")
         if entry.fixed is False and entry.mass is None and not entry.path:
             raise fail("fixed", "a body that can be moved needs a mass [kg]")
         if entry.rpy is not None and entry.yaw:
-            raise fail("yaw", "state rpy or yaw, not both")
+            raise fail("yaw", "give rpy or yaw, not both")
         if isinstance(entry, HeightMapKeys) and (entry.mass is not None or entry.path):
             raise fail("mass" if entry.mass is not None else "path", "a height map does not move")
         try:
@@ -292,7 +292,9 @@ class _TomlWorld:
             points = tuple((each[0], each[1], each[2] if len(each) == 3 else place[2]) for each in entry.path)
             path = BodyPath(points, entry.speed, entry.repeat, entry.pause, entry.start)
             if entry.position is not None and entry.position[:2] != points[0][:2]:
-                raise fail("position", "what follows a path begins at its first point: state no other x and y")
+                raise fail(
+                    "position", "a body with a path starts at its first point: leave out position, or give its x and y"
+                )
             place = points[0]
         orientation = quaternion_from_rpy(*(entry.rpy or (0.0, 0.0, entry.yaw)))
         ground = isinstance(entry, RampKeys | HeightMapKeys) if entry.ground is None else entry.ground

@@ -50,7 +50,7 @@ def main() -> None:
     answers, sys.stdout = sys.stdout, sys.stderr
     _find_packages(request)
     _track_lines()
-    _take_old_names()
+    _accept_old_names()
     try:
         document = xacro.process_file(request["file"], mappings=dict(request["args"]), verbosity=0)
         answer = {"urdf": document.toprettyxml(indent="  ")}
@@ -97,7 +97,7 @@ def _track_lines() -> None:
     dom._clone_node = clone_node
 
 
-def _take_old_names() -> None:
+def _accept_old_names() -> None:
     """Accept xacro's tags and macro calls without the prefix ``xacro:``, as xacro did up to ROS Melodic."""
     foreign: Any = xacro
     parse, call = foreign.parse, foreign.handle_macro_call
@@ -140,7 +140,7 @@ def _circle() -> str:
     for each in files:
         if files.count(each) > 2:
             return f"{each} includes itself"
-    return "its macros or properties go round in a circle"
+    return "its macros or properties refer to each other in a circle"
 
 
 def _message(error: Exception) -> str:
@@ -148,9 +148,9 @@ def _message(error: Exception) -> str:
     while isinstance(getattr(inner, "exc", None), BaseException):
         inner = inner.exc  # type: ignore[attr-defined]
     if isinstance(inner, substitution_args.ArgException):
-        return f"it needs the argument {inner}: give it by xacro_args"
+        return f"the argument {inner} is not set: set it with xacro_args, or --arg on the command line"
     if isinstance(inner, MemoryError):
-        return "it asks for more memory than it may have"
+        return "it needs more memory than the limit"
     if isinstance(inner, (substitution_args.SubstitutionException, OSError)):
         return " ".join(str(inner).split())
     return " ".join(str(error).split()) or type(inner).__name__

@@ -16,7 +16,7 @@ _FOLDER = Path(__file__).parent
 SCRIPT_RATE = 100.0
 """Rate [Hz] at which a script follows simulation time: its sleeps end at the first of these ticks."""
 
-NO_ROS2 = "programs of ROS 2 are not run yet, those of ROS 1 (rospy) are; services.runtime has Elea's own interface"
+NO_ROS2 = "ROS 2 programs are not supported yet, ROS 1 programs (rospy) are; services.runtime is Elea's own API"
 """Error text for a file that uses rclpy."""
 
 
@@ -72,7 +72,7 @@ def load_component(kind: str) -> Service:
     """Load the service of a node in a shared process; adds a user file's folder to ``sys.path``. Raises BadInput."""
     service = load_service(kind)
     if is_script(kind):
-        raise BadInput(f"{kind} is a program of ROS 1: it needs a process of its own")
+        raise BadInput(f"{kind} is a ROS 1 program: it needs its own process")
     if is_user_file(kind) and (folder := str(Path(kind).resolve().parent)) not in sys.path:
         sys.path.append(folder)
     return service

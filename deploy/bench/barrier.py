@@ -41,7 +41,7 @@ class RawBarrier:
         deadline = time.monotonic() + _BEGIN_S
         while not all(getattr(each.matching_status, "matching", False) for each in self._grants):
             if time.monotonic() > deadline:
-                raise TimeoutError(f"not all members of a bare barrier came within {_BEGIN_S:g} s")
+                raise TimeoutError(f"not all members of a bare barrier subscribed within {_BEGIN_S:g} s")
             time.sleep(0.02)
         time.sleep(_SETTLE_S)
 

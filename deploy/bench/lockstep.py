@@ -153,8 +153,8 @@ class TimedRun(NamedTuple):
 def record_run(port: int, span: Span) -> RecordedRun:
     """Record a run up to the end of the span."""
     with _started_fleet(port, span) as fleet, watch_fleet(fleet) as watch:
-        wanted = {each.name: CMD_VEL if has_wheels(each) else JOINT_EFFORT for each in fleet_robots()}
-        commands = watch.record_commands(wanted, span.end)
+        topics = {each.name: CMD_VEL if has_wheels(each) else JOINT_EFFORT for each in fleet_robots()}
+        commands = watch.record_commands(topics, span.end)
         found = (Entity.parse(key) for key in watch.node.transport.tokens(token_pattern("step")))
         return RecordedRun(commands, tuple(int(each.detail) // STEP_NS for each in found if each is not None))
 

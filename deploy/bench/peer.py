@@ -117,10 +117,10 @@ def raw_session(endpoint: str) -> zenoh.Session:
 def barrier_member(endpoint: str, number: str) -> None:
     """Answer each grant; an empty one ends the process."""
     with raw_session(endpoint) as session:
-        leaves = session.declare_subscriber(f"{RAW_GRANT}/{number}", zenoh.handlers.RingChannel(1024))
+        grants = session.declare_subscriber(f"{RAW_GRANT}/{number}", zenoh.handlers.RingChannel(1024))
         done = session.declare_publisher(f"{RAW_REPORT}/{number}", congestion_control=zenoh.CongestionControl.BLOCK)
-        while leave := leaves.recv().payload.to_bytes():
-            done.put(leave)
+        while grant := grants.recv().payload.to_bytes():
+            done.put(grant)
 
 
 def raw_peer(endpoint: str) -> None:

@@ -184,7 +184,7 @@ def _beside_a_fleet(rounds: int, folder: Path, port: int) -> list[Figure]:
         Figure("ros1_start_s", "s", "from the start of a rospy program to its first callback", tuple(starts), 1.5),
         Figure("ros1_memory_mib", "MiB", "resident, that program", tuple(memory), 60.0),
         Figure("ros1_busy_cpu_percent", "%", "of a core, a rospy loop that never waits", tuple(busy), 40.0),
-        Figure("ros1_decode_us", "us", "an Odometry into an object of ROS 1", (float(decoded.stdout),), 25.0),
+        Figure("ros1_decode_us", "us", "decoding an Odometry into a ROS 1 message", (float(decoded.stdout),), 25.0),
     ]
 
 
@@ -239,7 +239,7 @@ class _Trip:
         deadline = time.monotonic() + TRIP_TIMEOUT_S
         while not self._answered():
             if time.monotonic() > deadline:
-                raise TimeoutError(f"nobody answered within {TRIP_TIMEOUT_S:g} s")
+                raise TimeoutError(f"no answer within {TRIP_TIMEOUT_S:g} s")
             self._out.publish(self._odometry)
             time.sleep(0.05)
         time.sleep(0.2)

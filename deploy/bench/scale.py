@@ -23,7 +23,7 @@ SHARED = {"separate": "1", "shared": "25"}
 FROM_S, LENGTH_S = 2.0, 5.0
 """Start and length of the timed span in simulation time."""
 _SPARE_S = 60.0
-"""Reserve of the run's duration: with few robots it is far ahead when this process checks."""
+"""Extra duration [s]: with few robots, simulation time runs far past the span before this process notices."""
 
 
 class TimedSwarm(NamedTuple):
@@ -65,7 +65,7 @@ def _measure_size(engine: Engine, size: int, rounds: int, port: int, say: Callab
         factors = [each.factor for each in timed]
         yield Figure(f"{stem}_ratio", "", f"speed of {size} robots / of the engine alone", ratios(factors, raw))
         yield Figure(f"{stem}_factor", "x", "the same, simulated per wall-clock second", tuple(factors))
-        yield Figure(f"{stem}_start_s", "s", "from ./elea up to running time", tuple(each.start for each in timed))
+        yield Figure(f"{stem}_start_s", "s", "from ./elea up until time runs", tuple(each.start for each in timed))
         yield Figure(f"{stem}_memory_mib", "MiB", "of all processes of the fleet", tuple(each.memory for each in timed))
         yield Figure(f"{stem}_cpu_ms", "ms", "CPU for a second of simulation, all", tuple(each.cpu for each in timed))
 

@@ -262,8 +262,8 @@ def measure_wire(node: Node, session: zenoh.Session, rounds: int, say: Callable[
             at_least=0.45,
         ),
         Figure("throughput_per_s", "1/s", "the same, absolute", tuple(rates["typed"])),
-        Figure("throughput_loss_percent", "%", "of these the reader lost", tuple(losses["flood"])),
+        Figure("throughput_loss_percent", "%", "of these, lost by the subscriber", tuple(losses["flood"])),
         Figure("scans_ratio", "", "LaserScans of 360 rays one way, typed / raw", ratios(scans["typed"], scans["raw"])),
         Figure("scans_per_s", "1/s", "the same, absolute", tuple(scans["typed"])),
-        Figure("scans_loss_percent", "%", "of these the reader lost", tuple(losses["scans"])),
+        Figure("scans_loss_percent", "%", "of these, lost by the subscriber", tuple(losses["scans"])),
     ]

@@ -61,7 +61,7 @@ def command() -> None:
     "-d", "--max-duration", type=float, default=0.0, metavar="S", help="Split files after S seconds of wall time."
 )
 @network_options
-def record_command(topics: tuple[str, ...], everything: bool, place: NetworkAddress, **given: Any) -> None:
+def record_command(topics: tuple[str, ...], everything: bool, address: NetworkAddress, **given: Any) -> None:
     """Record TOPICS, or all with -a, until Ctrl-C.
 
     The exit status is 1 if not everything could be written; the bag is then readable up to that point.
@@ -79,7 +79,7 @@ def record_command(topics: tuple[str, ...], everything: bool, place: NetworkAddr
         "max_size": _parse_size(given["max_size"]),
         "max_duration": given["max_duration"],
     }
-    _exec_service("recorder", parameters, place.arguments)
+    _exec_service("recorder", parameters, address.arguments)
 
 
 @click.command("play")
@@ -109,7 +109,7 @@ def record_command(topics: tuple[str, ...], everything: bool, place: NetworkAddr
 )
 @click.option("--latency", type=click.IntRange(0, 1), help="Lockstep latency in ticks; as recorded by default.")
 @network_options
-def play_command(bag: Path, lockstep: str, place: NetworkAddress, **given: Any) -> None:
+def play_command(bag: Path, lockstep: str, address: NetworkAddress, **given: Any) -> None:
     """Play BAG in simulation time: publish /clock, or follow a running simulation's.
 
     Heartbeats, process states and parameters are played only if their topics are named. With --lockstep, the named
@@ -130,7 +130,7 @@ def play_command(bag: Path, lockstep: str, place: NetworkAddress, **given: Any) 
         "rate": rate,
         "members": members,
     }
-    arguments = place.arguments
+    arguments = address.arguments
     for rule in given["remap"]:
         arguments += ["--remap", rule]
     if members:
@@ -212,7 +212,7 @@ def print_info(info: BagInfo) -> None:
     files = f"{len(info.files)} {'file' if len(info.files) == 1 else 'files'}"
     lines = [
         f"{info.path}: {_format_size(info.bytes)} in {files}",
-        f"{info.messages} messages in {info.seconds:.2f} s simulated, {info.wall_seconds:.2f} s on the wall, "
+        f"{info.messages} messages in {info.seconds:.2f} s simulated, {info.wall_seconds:.2f} s of wall time, "
         f"from {begun}",
         *_format_columns([("topic", "type", "messages", "Hz", ""), *map(_topic_row, info.topics)]),
     ]
@@ -220,7 +220,7 @@ def print_info(info: BagInfo) -> None:
         lines.append("files: " + ", ".join(f"{each.name} ({_format_size(each.bytes)})" for each in info.files))
     lines += [f"lost on their way to the recorder: {count} messages of {topic}" for topic, count in info.lost.items()]
     if info.unwritten:
-        lines.append(f"not taken by the disk: {info.unwritten} messages")
+        lines.append(f"not written to the disk: {info.unwritten} messages")
     write_text("".join(f"{escape_unprintable(line)}\n" for line in lines))
 
 

@@ -36,7 +36,11 @@ exec ./elea check
 
 
 @click.command("check")
-@click.option("--install-hook", is_flag=True, help="Let Git run it before each commit, and check nothing now.")
+@click.option(
+    "--install-hook",
+    is_flag=True,
+    help="Install a Git hook that runs this command before each commit; check nothing now.",
+)
 def command(install_hook: bool) -> None:
     """Check format, style, types and import contracts, and run the quick tests: those without processes.
 
@@ -64,7 +68,7 @@ class _Step(NamedTuple):
 
     name: str
     failed: bool
-    complaints: str
+    output: str
     seconds: float
 
 
@@ -86,8 +90,8 @@ def _run(name: str, arguments: tuple[str, ...]) -> _Step:
 
 def _passes(step: _Step) -> bool:
     """Print the result of a step; return whether it passed."""
-    if step.failed and step.complaints:
-        click.echo(step.complaints)
+    if step.failed and step.output:
+        click.echo(step.output)
     click.echo(f"{step.name:<12} {'failed' if step.failed else 'ok':<7} {step.seconds:5.1f} s")
     return not step.failed
 
@@ -101,7 +105,7 @@ def install_pre_commit_hook(root: Path) -> Path:
         raise BadInput(f"{root} is not a Git repository: {found.stderr.strip()}")
     hook = root / found.stdout.strip()
     if hook.exists() and hook.read_text() != _HOOK:
-        raise BadInput(f"{hook} exists already: add a line ./elea check to it, or remove it first")
+        raise BadInput(f"{hook} exists already: add the line ./elea check to it, or remove it first")
     hook.parent.mkdir(parents=True, exist_ok=True)
     hook.write_text(_HOOK)
     hook.chmod(0o755)

@@ -91,8 +91,10 @@ def query_network(ctx: click.Context, question: Question) -> list[str]:
         from services.runtime.network_address import resolve_address
 
         try:
-            place = resolve_address(ctx.params.get("connect") or "", ctx.params.get("domain") or "", _chosen_port(ctx))
-            with open_transport(place.router, place.domain, TIMEOUT_S) as transport:
+            address = resolve_address(
+                ctx.params.get("connect") or "", ctx.params.get("domain") or "", _chosen_port(ctx)
+            )
+            with open_transport(address.router, address.domain, TIMEOUT_S) as transport:
                 answer.extend(question(transport, ctx))
         except EleaError:
             return

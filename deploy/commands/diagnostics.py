@@ -31,7 +31,7 @@ def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -
     raise SystemExit(1 if any(each.state == "fail" for each in findings) else 0)
 
 
-_MOST = 8
+_MAX_WORKERS = 8
 """Maximum number of parallel tests, one per processor: many of them run a fleet of a dozen processes."""
 
 _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "--capture", "--co", "--collect-only")
@@ -43,14 +43,14 @@ _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "
 def test_command(arguments: tuple[str, ...]) -> None:
     """Run all tests except the measurements, or the tests of your own file; arguments are passed to pytest.
 
-    Paths count from the current folder, else from the project. Test files run in parallel unless single files are
-    named; -n sets the number of processes, -n 0 runs in this one. -m selects by markers: quick, slow, process, fleet,
+    Paths are relative to the current folder, or else to the project. Test files run in parallel unless single files are
+    named; -n sets the number of processes, -n 0 runs all in one. -m selects by markers: quick, slow, process, fleet,
     browser, bench. `./elea test -h` shows the options of pytest.
     """
     arguments = tuple(path_from(each, Path.cwd()) for each in arguments)
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    ours = not are_of_others(arguments)
+    ours = not are_external(arguments)
     beside = parallel_arguments(arguments, len(os.sched_getaffinity(0)), background=ours)
     if ours and not any(each.startswith("-m") for each in arguments):
         beside += ["-m", "not bench"]
@@ -64,7 +64,7 @@ def path_from(argument: str, folder: Path) -> str:
     return f"{folder / path}{colons}{test}" if is_path and (folder / path).exists() else argument
 
 
-def are_of_others(arguments: Sequence[str]) -> bool:
+def are_external(arguments: Sequence[str]) -> bool:
     """Return whether all named tests lie outside this project, so that its markers do not apply."""
     named = [Path(each.partition("::")[0]).resolve() for each in arguments if not each.startswith("-")]
     there = [each for each in named if each.exists()]
@@ -82,7 +82,8 @@ def parallel_arguments(arguments: Sequence[str], processors: int, background: bo
     files = [each for each in named if each.suffix == ".py"]
     if chosen or "no:xdist" in " ".join(arguments) or (files and not any(each.is_dir() for each in named)):
         return []
-    workers = ["--tx", f"{min(_MOST, processors)}*popen", *(["--tx", "popen//id=background"] if background else [])]
+    workers = ["--tx", f"{min(_MAX_WORKERS, processors)}*popen"]
+    workers += ["--tx", "popen//id=background"] if background else []
     return [*workers, "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
@@ -98,11 +99,11 @@ def parallel_arguments(arguments: Sequence[str], processors: int, background: bo
     type=click.IntRange(1, 1000),
     multiple=True,
     metavar="N",
-    help="Number of robots for the part scale; may be repeated. 4 and 16 by default, with --only scale 64 and 100 too.",
+    help="Number of robots for the part scale; may be repeated. By default 4 and 16, with --only scale also 64, 100.",
 )
 @json_option
 def bench_command(rounds: int, as_json: bool, only: tuple[str, ...], robots: tuple[int, ...]) -> None:
-    """Measure round trip, throughput, lockstep, size and start-up against raw Zenoh and raw physics, interleaved.
+    """Measure round trip, throughput, lockstep, scaling and start-up against raw Zenoh and raw physics, interleaved.
 
     Then run the tests that measure processor time (of --help, panel and supervisor) and the page's frame rate.
     """

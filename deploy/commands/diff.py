@@ -52,7 +52,7 @@ def describe(found: RunComparison) -> list[str]:
         if moved.column:
             lines.append(f"{moved.robot} first differs at {at}: {moved.column} {moved.left} and {moved.right}")
         else:
-            lines.append(f"{moved.robot} is the same up to {at}, where only {_side(found, moved.left)} goes on")
+            lines.append(f"{moved.robot} is the same up to {at}, from where only {_side(found, moved.left)} continues")
     if found.messages is not None and (sent := found.messages.difference) is not None:
         at = f"t = {sent.time_s:.9g} s (tick {tick_of(sent.time_s)})"
         what = f"{sent.topic} first differs at {at}, message {sent.number}"

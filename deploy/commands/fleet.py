@@ -46,7 +46,7 @@ def down_command(port: int | None, every: bool, name: str | None) -> None:
     """
     if name is not None:
         if every:
-            raise BadInput(f"--all stops every fleet: give it, or the name {name}")
+            raise BadInput(f"--all stops every fleet: give either --all or the name {name}")
         port = port_of_fleet(name, port)
     complete = True
     handles = [
@@ -123,8 +123,6 @@ def _describe_fleet(entry: FleetInstance, pattern: str = "") -> dict[str, Any]:
 
 def _usage(pid: int) -> dict[str, float | None]:
     """Return memory [MiB] and processor load [%] of a process."""
-    import time
-
     import psutil
 
     if not pid:
@@ -185,20 +183,20 @@ def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> No
     if folder is None:
         raise BadInput("there is no run yet: start one with ./elea up")
     files = {path.name.removesuffix(".log"): path for path in sorted((folder / "logs").glob("*.log"))}
-    wanted = log_name(name.removeprefix("/")).removesuffix(".log") if name else ""
+    stem = log_name(name.removeprefix("/")).removesuffix(".log") if name else ""
     state = read_state(folder)
     processes = state.processes if state else ()
     node = f"/{name.removeprefix('/')}"
     shared = next((each.name for each in processes if node in each.nodes), "") if name else ""
     if shared:
-        wanted = log_name(shared).removesuffix(".log")
-    if wanted and wanted not in files:
+        stem = log_name(shared).removesuffix(".log")
+    if stem and stem not in files:
         known = {each.name for each in processes} | {member[1:] for each in processes for member in each.nodes}
         if name.removeprefix("/") not in known:
             raise unknown_name("process", name, sorted(known | {each.replace(".", "/") for each in files}))
         sys.stderr.write(f"{name} has written nothing yet\n")
-        files[wanted] = folder / "logs" / f"{wanted}.log"
-    tails = [LogTail(each.replace(".", "/"), path) for each, path in files.items() if wanted in ("", each)]
+        files[stem] = folder / "logs" / f"{stem}.log"
+    tails = [LogTail(each.replace(".", "/"), path) for each, path in files.items() if stem in ("", each)]
     try:
         while True:
             for tail in tails:
@@ -235,8 +233,8 @@ class LogTail:
                 self._offset = file.tell()
         except FileNotFoundError:
             return
-        *whole, self._rest = (self._rest + added).split(b"\n")
-        for line in whole:
+        *complete, self._rest = (self._rest + added).split(b"\n")
+        for line in complete:
             yield line.decode(errors="replace")
 
     def lines_of(self, node: str) -> Iterator[str]:
@@ -252,8 +250,6 @@ class LogTail:
 
 def _print_log_line(name: str, line: str, as_json: bool, alone: bool) -> None:
     if as_json:
-        import json
-
         sys.stdout.write(json.dumps({"process": name, "text": line}) + "\n")
     else:
         sys.stdout.write(printable(f"{line}\n" if alone else f"{name} | {line}\n"))

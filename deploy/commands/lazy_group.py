@@ -33,10 +33,10 @@ class LazyGroup(click.Group):
         return list(self.table)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        verb = self.table.get(cmd_name)
-        if verb is None:
+        entry = self.table.get(cmd_name)
+        if entry is None:
             return None
-        module, _, name = verb.module.partition(":")
+        module, _, name = entry.module.partition(":")
         command = getattr(importlib.import_module(f"deploy.commands.{module}"), name or "command")
         assert isinstance(command, click.Command)
         return command
@@ -54,15 +54,15 @@ class LazyGroup(click.Group):
         if args and args[0] not in self.table and not args[0].startswith("-"):
             from messages.errors import did_you_mean
 
-            ctx.fail(f"unknown verb {args[0]!r}{did_you_mean(args[0], self.table)} (known: {', '.join(self.table)})")
+            ctx.fail(f"unknown command {args[0]!r}{did_you_mean(args[0], self.table)} (known: {', '.join(self.table)})")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
-            formatter.write_dl([(name, verb.about) for name, verb in self.table.items()])
+            formatter.write_dl([(name, entry.about) for name, entry in self.table.items()])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[Any]]:
         """Return the commands in the table, without loading them, and the group's options."""
-        verbs = [CompletionItem(name, help=verb.about) for name, verb in self.table.items()]
-        found: list[CompletionItem[Any]] = [each for each in verbs if each.value.startswith(incomplete)]
+        commands = [CompletionItem(name, help=entry.about) for name, entry in self.table.items()]
+        found: list[CompletionItem[Any]] = [each for each in commands if each.value.startswith(incomplete)]
         return found or click.Command.shell_complete(self, ctx, incomplete)

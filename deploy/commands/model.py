@@ -76,7 +76,7 @@ def format_check(found: ModelCheck) -> str:
         facts.append((each.kind, f"{each.topic} on {each.link}{frame}: {each.figures}"))
     if found.friction:
         facts.append(("friction", ", ".join(f"{link} {value:g}" for link, value in found.friction.items())))
-    facts += [("topic", f"{ours} is {theirs}, too") for ours, theirs in found.topics.items()]
+    facts += [("topic", f"{ours}, also as {theirs}") for ours, theirs in found.topics.items()]
     lines += _rows(facts)
     if found.joints:
         lines += ["", "joints"]
@@ -112,7 +112,7 @@ def _base_rows(found: ModelCheck) -> list[tuple[str, str]]:
     left, right = ", ".join(base.left_joints), ", ".join(base.right_joints)
     rows.append(("wheels", f"left {left}; right {right}; {base.torque:.3g} N m each"))
     rows.append(("wheel radius", f"{base.radius:.4g} m, by the shapes {base.shape_radius:.4g} m"))
-    more = f", times {base.separation_multiplier:.4g} since it skids" if base.separation_multiplier != 1 else ""
+    more = f", times {base.separation_multiplier:.4g} because it skids" if base.separation_multiplier != 1 else ""
     rows.append(("separation", f"{base.separation:.4g} m, by the wheels {base.track:.4g} m{more}"))
     return rows
 
@@ -147,6 +147,6 @@ def _trial_row(trial: object) -> tuple[str, ...]:
 
 
 def _rows(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    from deploy.commands.sim import format_table
+    from deploy.live.output import format_table
 
     return [f"  {line}" for line in format_table(rows).splitlines()]

@@ -35,14 +35,14 @@ def command() -> None:
 @filter_option
 @network_options
 @json_option
-def list_command(every: bool, count_nodes: bool, pattern: str, place: NetworkAddress, as_json: bool) -> None:
+def list_command(every: bool, count_nodes: bool, pattern: str, address: NetworkAddress, as_json: bool) -> None:
     """List the running nodes."""
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import is_hidden
     from services.runtime.graph import snapshot
     from services.runtime.light_node import open_transport
 
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         nodes = [each for each in snapshot(transport) if each.kind == "node" and fits(each.node, pattern)]
     found = [each for each in nodes if every or not is_hidden(each.node)]
     if as_json:
@@ -57,7 +57,7 @@ def list_command(every: bool, count_nodes: bool, pattern: str, place: NetworkAdd
 @click.argument("node", type=NODE)
 @network_options
 @json_option
-def info_command(node: str, place: NetworkAddress, as_json: bool) -> None:
+def info_command(node: str, address: NetworkAddress, as_json: bool) -> None:
     """Show what NODE publishes, subscribes to and serves, and its health from its next heartbeat."""
     from deploy.live.connect import cli_node
     from deploy.live.output import write_json, write_text
@@ -66,7 +66,7 @@ def info_command(node: str, place: NetworkAddress, as_json: bool) -> None:
     from services.runtime.graph import snapshot
 
     name = absolute_name(node)
-    with cli_node(place, "info") as live:
+    with cli_node(address, "info") as live:
         graph = snapshot(live.transport)
         own = [each for each in graph if each.node == name]
         if not own:
@@ -80,10 +80,9 @@ def info_command(node: str, place: NetworkAddress, as_json: bool) -> None:
         write_text(_format_node(description))
 
 
-_COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
-
-
 def _describe_node(name: str, own: list[Entity], beats: HeartbeatSubscriber) -> dict[str, Any]:
+    from deploy.live.subscribers import INPUT_COUNTS
+
     beat, inputs = beats.latest.get(name), beats.inputs(name)
     sent = {topic: each.sent for topic, each in beats.outputs(name).items()}
     period = next((int(each.detail) for each in own if each.kind == "step"), None)
@@ -94,7 +93,7 @@ def _describe_node(name: str, own: list[Entity], beats: HeartbeatSubscriber) -> 
         "health": None
         if beat is None
         else {"state": beat.state, "note": beat.note, "pid": beat.pid, "beat": beat.beat, "ticks": beat.ticks}
-        | {name: getattr(beat, name) for name in (*_COUNTS, "sent")},
+        | {name: getattr(beat, name) for name in (*INPUT_COUNTS, "sent")},
         "publishers": [
             {"topic": each.name, "type": each.record, "quality": each.detail.lower(), "sent": sent.get(each.name)}
             for each in own
@@ -102,7 +101,7 @@ def _describe_node(name: str, own: list[Entity], beats: HeartbeatSubscriber) -> 
         ],
         "subscribers": [
             {"topic": each.name, "type": each.record, "quality": each.detail.lower()}
-            | {name: getattr(inputs.get(each.name), name, None) for name in _COUNTS}
+            | {name: getattr(inputs.get(each.name), name, None) for name in INPUT_COUNTS}
             | {"reason": getattr(inputs.get(each.name), "reason", "")}
             for each in own
             if each.kind == "sub"
@@ -119,7 +118,7 @@ def _format_node(description: dict[str, Any]) -> str:
     else:
         note = f" ({health['note']})" if health["note"] else ""
         lines.append(f"  {health['state']}{note}, pid {health['pid']}, {health['ticks']} ticks")
-        lines.append(f"  in all:{_format_counts(health | {'reason': ''})}, sent {health['sent']}")
+        lines.append(f"  total:{_format_counts(health | {'reason': ''})}, sent {health['sent']}")
     if description["lockstep_period_s"] is not None:
         lines.append(f"  steps with the simulation every {description['lockstep_period_s']:g} s")
     lines.append("  Subscribers:")
@@ -134,11 +133,13 @@ def _format_node(description: dict[str, Any]) -> str:
 
 
 def _format_counts(row: dict[str, Any]) -> str:
+    from deploy.live.subscribers import INPUT_COUNTS
+
     if row["received"] is None:
         return ""
-    odd = ", ".join(f"{name} {row[name]}" for name in _COUNTS[1:] if row[name])
+    others = ", ".join(f"{name} {row[name]}" for name in INPUT_COUNTS[1:] if row[name])
     reason = f" ({row['reason']})" if row["reason"] else ""
-    return f"  received {row['received']}{f', {odd}' if odd else ''}{reason}"
+    return f"  received {row['received']}{f', {others}' if others else ''}{reason}"
 
 
 @click.command("ping")
@@ -162,7 +163,9 @@ def _format_counts(row: dict[str, Any]) -> str:
 )
 @network_options
 @json_option
-def ping_command(node: str, count: int, interval: float, timeout: float, place: NetworkAddress, as_json: bool) -> None:
+def ping_command(
+    node: str, count: int, interval: float, timeout: float, address: NetworkAddress, as_json: bool
+) -> None:
     """Measure the round-trip time to the loop of NODE [ms]: the network, and the wait for the loop's next turn.
 
     A hung loop does not answer, even if its process is alive. The exit status is 1 if no ping was answered.
@@ -173,7 +176,7 @@ def ping_command(node: str, count: int, interval: float, timeout: float, place: 
     from services.runtime.graph import ping_key, snapshot
 
     name = absolute_name(node)
-    with cli_node(place, "ping") as live:
+    with cli_node(address, "ping") as live:
         nodes = {each.node: each.session for each in snapshot(live.transport) if each.kind == "node"}
         if name not in nodes or name == live.node:
             raise not_found("node", name, nodes.keys() - {live.node}, "./elea node list shows them all")
@@ -225,13 +228,13 @@ def _summarize_pings(name: str, took: list[float | None]) -> dict[str, Any]:
 @filter_option
 @network_options
 @json_option
-def graph_command(pattern: str, place: NetworkAddress, as_json: bool) -> None:
+def graph_command(pattern: str, address: NetworkAddress, as_json: bool) -> None:
     """List every node with its publishers, subscribers and services."""
     from deploy.live.output import write_json, write_text
     from services.runtime.graph import snapshot
     from services.runtime.light_node import open_transport
 
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         entities = [each for each in snapshot(transport) if fits(each.node, pattern)]
     if as_json:
         write_json([asdict(each) for each in entities])

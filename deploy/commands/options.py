@@ -78,13 +78,13 @@ def fleet_option(verb: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def network_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Add options for the network; the command gets a ``place``, by default that of the running fleet."""
+    """Add options for the network; the command gets an ``address``, by default that of the running fleet."""
 
     @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
     @click.option("--domain", default="", help="Domain of the fleet.")
     @fleet_option
     @functools.wraps(verb)
-    def placed(connect: str, domain: str, port: int | None, **values: Any) -> Any:
-        return verb(place=resolve_address(connect, domain, port), **values)
+    def addressed(connect: str, domain: str, port: int | None, **values: Any) -> Any:
+        return verb(address=resolve_address(connect, domain, port), **values)
 
-    return placed
+    return addressed

@@ -64,17 +64,17 @@ def _page_of_fleet(fleet: FleetInstance) -> Address | None:
 
 
 def _serve_page(
-    place: NetworkAddress, page_port: int | None, as_json: bool, no_open: bool, fleet: FleetInstance | None
+    network: NetworkAddress, page_port: int | None, as_json: bool, no_open: bool, fleet: FleetInstance | None
 ) -> int:
     """Run a panel until it or its fleet stops; return its exit status."""
     from services.panel.address import read_address
     from services.runtime.light_node import open_transport
 
-    with open_transport(place.router, place.domain):
+    with open_transport(network.router, network.domain):
         pass  # checks that there is a router
     with tempfile.TemporaryDirectory(prefix="elea-panel-") as folder:
         file = Path(folder) / "panel.json"
-        arguments = [*place.arguments, "--param", f"address={file}"]
+        arguments = [*network.arguments, "--param", f"address={file}"]
         arguments += ["--param", f"port={page_port}"] if page_port is not None else []
         child = subprocess.Popen(
             [sys.executable, "-P", "-m", "services", "panel", *arguments],
@@ -84,13 +84,13 @@ def _serve_page(
             deadline = time.monotonic() + _START_TIMEOUT_S
             while (address := read_address(file)) is None:
                 if child.poll() is not None:
-                    raise EleaError("the panel ended before its page was there: see above")
+                    raise EleaError("the panel exited before it served its page: see its messages above")
                 if time.monotonic() > deadline:
                     raise EleaError(f"the panel did not open its page within {_START_TIMEOUT_S:g} s")
                 time.sleep(0.05)
             _print_address(address, as_json, no_open)
             until = "the fleet ends, or Ctrl-C" if fleet is not None else "Ctrl-C"
-            sys.stderr.write(f"no panel belongs to this fleet: this command serves the page, until {until}\n")
+            sys.stderr.write(f"this fleet runs no panel: this command serves the page until {until}\n")
             while child.poll() is None:
                 if fleet is not None and fleet not in running_fleets():
                     sys.stderr.write(f"{fleet.fleet} has ended, and its page with it\n")

@@ -13,6 +13,7 @@ import click
 from deploy.commands.completion import PARAMETER, SET
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import fleet_option, json_option
+from deploy.live.output import format_table, write_json, write_text
 from services.runtime.errors import BadInput, CallFailed, unknown_name
 from services.runtime.network_address import resolve_address
 
@@ -75,9 +76,9 @@ def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
     from services.runtime.light_node import open_transport
     from services.runtime.parameters.service_client import ParameterServiceClient
 
-    place = resolve_address(*(options.pop(name) for name in ("connect", "domain", "port")))
+    address = resolve_address(*(options.pop(name) for name in ("connect", "domain", "port")))
     timeout = options.pop("timeout")
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         yield ParameterServiceClient(transport, timeout)
 
 
@@ -87,8 +88,6 @@ def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
 @client_options
 def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> None:
     """List the parameter sets with their parameters, or only SET."""
-    from deploy.commands.param_values import print_json
-
     with connect_client(options) as client:
         sets = client.sets()
         if set_name:
@@ -100,13 +99,11 @@ def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> 
         name: [each.name for each in (saved[name].values if name in saved else one.parameters)]
         for name, one in sets.items()
     }
-    from deploy.live.output import write_text
-
     if values:
         _print_values(saved, as_json)
         return
     if as_json:
-        print_json([{"set": name, "nodes": list(one.nodes), "parameters": names[name]} for name, one in sets.items()])
+        write_json([{"set": name, "nodes": list(one.nodes), "parameters": names[name]} for name, one in sets.items()])
         return
     for name, one in sets.items():
         nodes = f"  (followed by {', '.join(one.nodes)})" if one.nodes != (name,) else ""
@@ -115,12 +112,11 @@ def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> 
 
 
 def _print_values(values_by_set: dict[str, ParameterValues], as_json: bool) -> None:
-    from deploy.commands.param_values import format_value, print_json
-    from deploy.live.output import write_text
+    from deploy.commands.param_values import format_value
 
     rows = [(f"{name}/{each.name}", each.value) for name, record in values_by_set.items() for each in record.values]
     if as_json:
-        print_json(dict(rows))
+        write_json(dict(rows))
     else:
         write_text("".join(f"{path} {format_value(value)}\n" for path, value in rows))
 
@@ -136,8 +132,7 @@ def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options:
     """
     import msgspec
 
-    from deploy.commands.param_values import format_columns, format_value, print_json, values_as_json
-    from services.runtime.errors import unknown_name
+    from deploy.commands.param_values import format_value, values_as_json
 
     with connect_client(options) as client:
         one, name = client.find_parameter(set_name) if not names else (client.find_set(set_name), "")
@@ -150,12 +145,13 @@ def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options:
     if names:
         record = msgspec.structs.replace(record, values=tuple(known[name] for name in names))
     if as_json:
-        print_json(values_as_json(record))
+        write_json(values_as_json(record))
         return
     if len(names) == 1:
         sys.stdout.write(f"{format_value(record.values[0].value)}\n")
     elif record.values:
-        sys.stdout.write(format_columns((each.name, format_value(each.value), each.origin) for each in record.values))
+        rows = ((each.name, format_value(each.value), each.origin) for each in record.values)
+        write_text(f"{format_table(rows)}\n")
     if record.note:
         sys.stderr.write(f"{record.set}: {record.note}\n")
 
@@ -172,8 +168,7 @@ def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **opt
     """
     import msgspec
 
-    from deploy.commands.param_values import description_as_row, format_columns, print_json
-    from services.runtime.errors import BadInput, unknown_name
+    from deploy.commands.param_values import description_as_row
 
     with connect_client(options) as client:
         one = client.find_set(set_name)
@@ -185,10 +180,10 @@ def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **opt
             raise unknown_name("parameter", name, described, one.set)
     chosen = [described[name] for name in names or described]
     if as_json:
-        print_json({"set": one.set, "nodes": list(one.nodes), "parameters": msgspec.to_builtins(chosen)})
+        write_json({"set": one.set, "nodes": list(one.nodes), "parameters": msgspec.to_builtins(chosen)})
         return
     heads = ("NAME", "TYPE", "ALLOWED", "DEFAULT", "", "")
-    sys.stdout.write(format_columns((heads, *map(description_as_row, chosen))))
+    write_text(f"{format_table((heads, *map(description_as_row, chosen)))}\n")
 
 
 @click.command("history")
@@ -204,14 +199,14 @@ def history_command(set_name: str, limit: int, as_json: bool, **options: Any) ->
     """
     import msgspec
 
-    from deploy.commands.param_values import change_as_row, format_columns, print_json
+    from deploy.commands.param_values import change_as_row
 
     with connect_client(options) as client:
         changes = client.history(client.find_set(set_name).set if set_name else "", limit)
     if as_json:
-        print_json(msgspec.to_builtins(changes))
+        write_json(msgspec.to_builtins(changes))
     elif changes:
-        sys.stdout.write(format_columns(map(change_as_row, changes)))
+        write_text(f"{format_table(map(change_as_row, changes))}\n")
     else:
         sys.stdout.write("there are no changes yet\n")
 
@@ -236,7 +231,9 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
     for word in words:
         if word.startswith("--") and word[2:3].isalpha():
             raise unknown_name(
-                "option", word.partition("=")[0], ("--clamp", "--run", "--connect", "--domain", "--json")
+                "option",
+                word.partition("=")[0],
+                ("--clamp", "--run", "--connect", "--domain", "--fleet", "--port", "--timeout", "--json"),
             )
     with connect_client(options) as client:
         one = client.find_set(set_name)
@@ -283,10 +280,10 @@ def _changed_names(before: ParameterValues, after: ParameterValues) -> tuple[str
 
 
 def _print_change(before: ParameterValues, after: ParameterValues, names: tuple[str, ...], as_json: bool) -> None:
-    from deploy.commands.param_values import format_difference, print_json, values_as_json
+    from deploy.commands.param_values import format_difference, values_as_json
 
     if as_json:
-        print_json(values_as_json(after))
+        write_json(values_as_json(after))
         return
     sys.stdout.write(format_difference(before, after, names))
     if after.note:
@@ -315,7 +312,7 @@ format_option = click.option(
 @client_options
 def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json: bool, **options: Any) -> None:
     """Write the live parameters of the SETs, or of all, to a file for `load`."""
-    from deploy.commands.param_values import file_format, format_tables, print_json
+    from deploy.commands.param_values import file_format, format_tables
     from services.runtime.parameters.service_client import find_set
 
     chosen = file_format(output, form)
@@ -324,7 +321,7 @@ def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json:
         wanted = [find_set(name, sets) for name in names] or [each for each in sets.values() if each.nodes]
         tables = {each.set: table for each in wanted if (table := _loadable_values(client, each))}
     if as_json:
-        return print_json(tables)
+        return write_json(tables)
     if chosen == "toml":
         tables = {name: _without_null(name, table) for name, table in tables.items()}
     text = format_tables(tables, chosen)
@@ -393,7 +390,7 @@ def _apply_loads(
     client: ParameterServiceClient, planned: list[PlannedLoad], clamp: bool, run: bool, as_json: bool
 ) -> None:
     """Set the values set by set, printing the changes; raises CallFailed if one is refused."""
-    from deploy.commands.param_values import format_difference, print_json, to_assignments, values_as_json
+    from deploy.commands.param_values import format_difference, to_assignments, values_as_json
 
     done: list[ParameterValues] = []
     for before, values in planned:
@@ -413,7 +410,7 @@ def _apply_loads(
             if other and after.note:
                 sys.stderr.write(f"{before.set}: {after.note}\n")
     if as_json:
-        print_json([values_as_json(each) for each in done])
+        write_json([values_as_json(each) for each in done])
 
 
 def _loadable_values(client: ParameterServiceClient, one: ParameterSchema) -> dict[str, Value]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
@@ -68,7 +67,7 @@ def read_table(text: str, where: str) -> dict[str, Any]:
     if table is None:
         return {}
     if not isinstance(table, dict) or not all(isinstance(key, str) for key in table):
-        raise BadInput(f"{where}: expected a map of names, got {text.strip()[:60]!r}")
+        raise BadInput(f"{where}: expected a mapping from names to values, got {text.strip()[:60]!r}")
     return table
 
 
@@ -242,19 +241,6 @@ def format_value(value: Value) -> str:
     return printable(value) if isinstance(value, str) else json.dumps(value)
 
 
-def format_columns(rows: Iterable[Sequence[str]]) -> str:
-    """Format rows with aligned columns."""
-    table = [tuple(row) for row in rows]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table)
-    return printable("".join(f"{line}\n" for line in lines))
-
-
-def print_json(value: Any) -> None:
-    """Print indented JSON on standard output."""
-    sys.stdout.write(json.dumps(value, indent=2) + "\n")
-
-
 def values_as_json(record: ParameterValues) -> dict[str, Any]:
     """Return the values of a set as JSON."""
     values = {each.name: {"value": each.value, "origin": each.origin} for each in record.values}
@@ -297,7 +283,7 @@ def format_difference(before: ParameterValues, after: ParameterValues, names: It
     lines = []
     for name in names:
         if name not in new:
-            lines.append(f"{after.set} {name}: no longer kept\n")
+            lines.append(f"{after.set} {name}: no longer stored\n")
             continue
         now, was = new[name], old.get(name)
         same = was is not None and was.value == now.value

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the fleet, as ./elea up.")
 @click.option("--detach", is_flag=True, help="Return when all is ready; stop it with ./elea down.")
 @click.option("--report", metavar="DIR", default="", help="Folder for the results.")
-@click.option("--runs", metavar="DIR", default="", help="Folder that holds the folders of runs; runs by default.")
+@click.option("--runs", metavar="DIR", default="", help="Parent folder of the run folders; runs by default.")
 @click.option("--seed", type=int, metavar="N", help="Random seed of the sensor noise and of the programs.")
 @click.option("--domain", default="", help="Isolate the fleet from others on the same network.")
 @click.option("--record", is_flag=True, help="Record all topics into a bag next to the report.")
@@ -127,5 +127,7 @@ def _start(path: Path, made: FleetOfLaunch, options: dict[str, Any]) -> int:
         from deploy.detach import start_detached
 
         return start_detached(fleet.name, options["report"], options["as_json"], options["runs"])
-    terms = {**options, "params": "", "no_saved": True, "connect": (), "listen": (), "insecure": False}
-    return run_described(fleet, options["report"], options["runs"], options["as_json"], options["overrides"], terms)
+    up_options = {**options, "params": "", "no_saved": True, "connect": (), "listen": (), "insecure": False}
+    return run_described(
+        fleet, options["report"], options["runs"], options["as_json"], options["overrides"], up_options
+    )

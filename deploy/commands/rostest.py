@@ -16,7 +16,7 @@ from deploy.fleet import MODES
 @click.argument("words", nargs=-1, required=True, metavar="(PACKAGE FILE | PATH) [ARG:=VALUE]...")
 @click.option("--mode", type=click.Choice(MODES), help="How time runs; real by default.")
 @click.option("--xunit", metavar="DIR", default="", help="Folder for the results as JUnit XML.")
-@click.option("--runs", metavar="DIR", default="", help="Folder that holds the folders of runs; runs by default.")
+@click.option("--runs", metavar="DIR", default="", help="Parent folder of the run folders; runs by default.")
 @click.option("--seed", type=int, metavar="N", help="Random seed of the sensor noise and of the programs.")
 @click.option("--port", type=int, help="Port that identifies the fleets of the tests; not that of a running fleet.")
 @click.option("--text", "-t", is_flag=True, hidden=True)

@@ -23,11 +23,11 @@ ROBOT_TOPICS = ("cmd_vel", "odom", "scan", "imu", "joint_states", "battery_state
 
 @click.command("run", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
 @fleet_option
-@click.option("--namespace", default="", help="Namespace of the node's relative names, as /tb3_0.")
+@click.option("--namespace", default="", help="Namespace of the node's relative names, such as /tb3_0.")
 @click.option("--name", default="", help="Name of the node.")
 @click.option("--remap", multiple=True, metavar="FROM:=TO", help="Use another name.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Router to join; the running fleet's by default.")
-@click.option("--domain", default="", help="Domain of the fleet; it keeps fleets of one network apart.")
+@click.option("--domain", default="", help="Domain of the fleet; it separates fleets on the same network.")
 @click.option("--log-level", default="", metavar="LEVEL", help="Log this level and above: debug, info, warn or error.")
 @click.option("--robot", default="", metavar="NAME", help="ROS: use the /cmd_vel, /odom, … and frames of this robot.")
 @click.option("--frame-prefix", metavar="PREFIX", help="ROS: prefix of that robot's frames; NAME/ by default.")
@@ -49,8 +49,9 @@ def command(target: str, arguments: tuple[str, ...], port: int | None, **options
 
     `./elea run waypoint --help` shows the options that all services have.
 
-    A Python environment of your own finds Elea by a file elea.pth in its site-packages whose one line is the path of
-    this checkout, if it has the packages of requirements.lock; `./elea python` runs this project's own.
+    To import Elea from a Python environment of your own, install the packages of requirements.lock there, and put a
+    file elea.pth into its site-packages whose only line is the path of this checkout. `./elea python` runs this
+    project's own Python.
     """
     from services.catalog import NO_ROS2, is_user_file, script_api, service_kinds
     from services.runtime.container_main import NAME as CONTAINER
@@ -67,7 +68,7 @@ def command(target: str, arguments: tuple[str, ...], port: int | None, **options
     elif target not in (*service_kinds(), CONTAINER):
         raise unknown_name("service", target, (*service_kinds(), CONTAINER))
     for name in ("robot", "frame_prefix", "wall_time", "rate", "seed"):
-        if options[name]:
+        if options[name] not in (None, "") and options[name] is not False:
             raise BadInput(f"--{name.replace('_', '-')} is for programs of ROS, which {target} is not")
     if target == CONTAINER and (options["namespace"] or options["remap"]):
         raise BadInput("--namespace and --remap belong to a node: state them in its --node")
@@ -140,10 +141,10 @@ def _states_network(arguments: tuple[str, ...]) -> bool:
 
 def _network_arguments(port: int | None, arguments: tuple[str, ...]) -> list[str]:
     """Return the arguments for joining the selected fleet; a given domain is kept."""
-    place = resolve_address(port=port)
+    address = resolve_address(port=port)
     if any(each.partition("=")[0] == "--domain" for each in arguments):
-        place = place._replace(domain="")
-    return place.arguments
+        address = address._replace(domain="")
+    return address.arguments
 
 
 @click.command("python", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})

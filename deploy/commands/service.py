@@ -28,13 +28,13 @@ def command() -> None:
 @click.option("-c", "--count-services", is_flag=True, help="Show only their number.")
 @network_options
 @json_option
-def list_command(show_types: bool, verbose: bool, count_services: bool, place: NetworkAddress, as_json: bool) -> None:
+def list_command(show_types: bool, verbose: bool, count_services: bool, address: NetworkAddress, as_json: bool) -> None:
     """List the services on the network."""
     from deploy.live.output import write_json, write_text
     from deploy.live.services import list_services
     from services.runtime.light_node import open_transport
 
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         found = list_services(transport)
     if as_json:
         write_json([each.as_dict() for each in found.values()])
@@ -51,7 +51,7 @@ def list_command(show_types: bool, verbose: bool, count_services: bool, place: N
 @click.argument("service", type=SERVICE)
 @network_options
 @json_option
-def type_command(service: str, place: NetworkAddress, as_json: bool) -> None:
+def type_command(service: str, address: NetworkAddress, as_json: bool) -> None:
     """Show the request and response types of SERVICE."""
     from deploy.live.output import write_json, write_text
     from deploy.live.services import find_service
@@ -59,7 +59,7 @@ def type_command(service: str, place: NetworkAddress, as_json: bool) -> None:
     from services.runtime.light_node import open_transport
 
     name = absolute_name(service)
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         found = find_service(transport, name)
     if as_json:
         write_json(found.as_dict())
@@ -72,20 +72,20 @@ def type_command(service: str, place: NetworkAddress, as_json: bool) -> None:
 @click.option("-c", "--count-services", is_flag=True, help="Show only their number.")
 @network_options
 @json_option
-def find_command(type_name: str, count_services: bool, place: NetworkAddress, as_json: bool) -> None:
+def find_command(type_name: str, count_services: bool, address: NetworkAddress, as_json: bool) -> None:
     """List the services with request or response TYPE, e.g. elea_msgs/Name. The exit status is 1 if there are none."""
     from deploy.interfaces import canonical_type, record_by_type
     from deploy.live.output import write_json, write_note, write_text
     from deploy.live.services import list_services
     from services.runtime.light_node import open_transport
 
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         found = list_services(transport)
     wanted = canonical_type(type_name)
     names = [each.name for each in found.values() if wanted in (each.asks, each.replies)]
     if not names:
         record_by_type(wanted)
-        write_note(f"no request has {wanted} now")
+        write_note(f"no running service has the type {wanted}")
     if as_json:
         write_json(names)
     else:
@@ -108,7 +108,7 @@ def find_command(type_name: str, count_services: bool, place: NetworkAddress, as
 @network_options
 @json_option
 def call_command(
-    service: str, values: tuple[str, ...], timeout: float, flow_style: bool, place: NetworkAddress, as_json: bool
+    service: str, values: tuple[str, ...], timeout: float, flow_style: bool, address: NetworkAddress, as_json: bool
 ) -> None:
     """Call SERVICE. VALUES are YAML or JSON, e.g. '{name: tb3_0}', or the fields in order.
 
@@ -122,7 +122,7 @@ def call_command(
     from services.runtime.light_node import open_transport
 
     name = absolute_name(service)
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         reply = call_service(transport, name, values, timeout)
     if as_json:
         write_json(reply)

@@ -12,7 +12,7 @@ import click
 
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
-from deploy.live.output import write_text
+from deploy.live.output import format_table, write_text
 from services.runtime.network_address import NetworkAddress
 
 if TYPE_CHECKING:
@@ -60,16 +60,16 @@ TIMEOUT_S = 5.0
 class SimulationClient:
     """Calls the services of a fleet, which it joins at the first call, and prints the responses."""
 
-    def __init__(self, place: NetworkAddress, timeout: float, as_json: bool) -> None:
-        self._place, self._timeout, self._as_json = place, timeout, as_json
-        self._visit = ExitStack()
+    def __init__(self, address: NetworkAddress, timeout: float, as_json: bool) -> None:
+        self._address, self._timeout, self._as_json = address, timeout, as_json
+        self._exit_stack = ExitStack()
         self._transport: Transport | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._visit.close()
+        self._exit_stack.close()
 
     def call(self, request: Request[Any, R], message: Message) -> R:
         """Return the response to a request; raises CallFailed with the reason, BadInput without a router."""
@@ -78,7 +78,7 @@ class SimulationClient:
         from services.runtime.requests import call
 
         if self._transport is None:
-            self._transport = self._visit.enter_context(open_transport(self._place.router, self._place.domain))
+            self._transport = self._exit_stack.enter_context(open_transport(self._address.router, self._address.domain))
         return call(self._transport, request, key(request.name), message, self._timeout)
 
     def print_reply(self, reply: Message | Iterable[Message], text: str) -> None:
@@ -104,20 +104,11 @@ def simulation_command(command: Callable[..., Any]) -> Callable[..., Any]:
     @network_options
     @json_option
     @functools.wraps(command)
-    def wrapped(place: NetworkAddress, timeout: float, as_json: bool, **given: Any) -> Any:
-        with SimulationClient(place, timeout, as_json) as asker:
-            return command(asker, **given)
+    def wrapped(address: NetworkAddress, timeout: float, as_json: bool, **given: Any) -> Any:
+        with SimulationClient(address, timeout, as_json) as client:
+            return command(client, **given)
 
     return wrapped
-
-
-def format_table(rows: Iterable[Iterable[str]]) -> str:
-    """Format rows in aligned columns."""
-    lines = [list(row) for row in rows]
-    widths = [max(len(row[column]) for row in lines) for column in range(len(lines[0]))] if lines else []
-    return "\n".join(
-        "  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in lines
-    )
 
 
 def parse_joint_positions(pairs: Iterable[str]) -> dict[str, float]:
@@ -136,74 +127,74 @@ def parse_joint_positions(pairs: Iterable[str]) -> dict[str, float]:
 
 @click.command("pause")
 @simulation_command
-def pause(asker: SimulationClient) -> None:
+def pause(client: SimulationClient) -> None:
     """Pause simulation time."""
     from messages.requests import PAUSE
 
-    _call_and_print(asker, PAUSE, "paused")
+    _call_and_print(client, PAUSE, "paused")
 
 
 @click.command("resume")
 @simulation_command
-def resume(asker: SimulationClient) -> None:
+def resume(client: SimulationClient) -> None:
     """Resume simulation time."""
     from messages.requests import RESUME
 
-    _call_and_print(asker, RESUME, "running")
+    _call_and_print(client, RESUME, "running")
 
 
 @click.command("step")
 @click.argument("count", type=click.IntRange(1, 1_000_000), default=1)
 @simulation_command
-def step(asker: SimulationClient, count: int) -> None:
+def step(client: SimulationClient, count: int) -> None:
     """Run COUNT physics steps (1 by default) of 5 ms while time is paused."""
     from messages.requests import STEP
     from messages.simulation import Steps
 
-    reply = asker.call(STEP, Steps(count=count))
-    asker.print_reply(reply, f"{count} steps taken: t = {reply.time / 1e9:.3f} s")
+    reply = client.call(STEP, Steps(count=count))
+    client.print_reply(reply, f"{count} steps taken: t = {reply.time / 1e9:.3f} s")
 
 
 @click.command("reset")
 @simulation_command
-def reset(asker: SimulationClient) -> None:
+def reset(client: SimulationClient) -> None:
     """Reset time to zero and all models to their spawn poses; clear all efforts and wrenches."""
     from messages.requests import RESET
 
-    _call_and_print(asker, RESET, "reset")
+    _call_and_print(client, RESET, "reset")
 
 
 @click.command("reset-world")
 @simulation_command
-def reset_world(asker: SimulationClient) -> None:
+def reset_world(client: SimulationClient) -> None:
     """Reset all models to their spawn poses; time continues."""
     from messages.requests import RESET_WORLD
 
-    _call_and_print(asker, RESET_WORLD, "models are where they were spawned")
+    _call_and_print(client, RESET_WORLD, "models are where they were spawned")
 
 
-def _call_and_print(asker: SimulationClient, request: Request[Any, Any], done: str) -> None:
+def _call_and_print(client: SimulationClient, request: Request[Any, Any], done: str) -> None:
     from messages.std import Empty
 
-    reply = asker.call(request, Empty())
-    asker.print_reply(reply, f"{done}: t = {reply.time / 1e9:.3f} s")
+    reply = client.call(request, Empty())
+    client.print_reply(reply, f"{done}: t = {reply.time / 1e9:.3f} s")
 
 
 @click.command("stops")
 @simulation_command
-def stops(asker: SimulationClient) -> None:
+def stops(client: SimulationClient) -> None:
     """List the emergency stops, with their holders and times."""
     from datetime import datetime
 
     from messages.requests import LIST_STOPS
     from messages.std import Empty
 
-    reply = asker.call(LIST_STOPS, Empty())
+    reply = client.call(LIST_STOPS, Empty())
     rows = [("robot", "holder", "since", "reset by its holder with false on")]
     for each in reply.stops:
         since = f"{datetime.fromtimestamp(each.since // 1_000_000_000):%Y-%m-%d %H:%M:%S}"
         rows.append((each.robot or "(all robots)", each.holder, since, each.topic))
-    asker.print_reply(reply, format_table(rows) if reply.stops else "no robot is stopped")
+    client.print_reply(reply, format_table(rows) if reply.stops else "no robot is stopped")
 
 
 @click.command("release")
@@ -211,7 +202,7 @@ def stops(asker: SimulationClient) -> None:
 @click.option("--all", "every", is_flag=True, help="Release the stop of all robots (/e_stop) instead of one robot's.")
 @click.option("--holder", default="", help="Release only this node's stop, by name or id as listed by `stops`.")
 @simulation_command
-def release(asker: SimulationClient, name: str, every: bool, holder: str) -> None:
+def release(client: SimulationClient, name: str, every: bool, holder: str) -> None:
     """Release the emergency stop of the robot NAME on behalf of its holders.
 
     Use this for holders that are gone for good; a running holder resets its stop itself by publishing false. A
@@ -222,5 +213,5 @@ def release(asker: SimulationClient, name: str, every: bool, holder: str) -> Non
 
     if every == bool(name):
         raise click.UsageError("give the NAME of a robot, or --all for the stop of all robots")
-    reply = asker.call(RELEASE_STOP, ReleaseStop(name=name, holder=holder))
-    asker.print_reply(reply, reply.text)
+    reply = client.call(RELEASE_STOP, ReleaseStop(name=name, holder=holder))
+    client.print_reply(reply, reply.text)

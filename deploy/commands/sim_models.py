@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from deploy.commands.options import own_robot_options
-from deploy.commands.sim import SimulationClient, format_table, parse_joint_positions, simulation_command
+from deploy.commands.sim import SimulationClient, parse_joint_positions, simulation_command
+from deploy.live.output import format_table
 
 if TYPE_CHECKING:
     from messages.elea import ModelState
@@ -48,15 +49,15 @@ def _check_angle(_: click.Context, __: click.Parameter, value: float | None) -> 
 
 @click.command("list")
 @simulation_command
-def list_(asker: SimulationClient) -> None:
+def list_(client: SimulationClient) -> None:
     """List the models with their poses."""
     from messages.requests import LIST
     from messages.std import Empty
 
-    reply = asker.call(LIST, Empty())
+    reply = client.call(LIST, Empty())
     rows = [("name", "model", "x m", "y m", "z m", "yaw rad")]
     rows += [(each.name, each.model, *_planar_pose(each)) for each in reply.models]
-    asker.print_reply(reply, format_table(rows) if reply.models else "there are no models")
+    client.print_reply(reply, format_table(rows) if reply.models else "there are no models")
 
 
 @click.command("spawn")
@@ -73,7 +74,7 @@ def list_(asker: SimulationClient) -> None:
 @own_robot_options
 @simulation_command
 def spawn(
-    asker: SimulationClient,
+    client: SimulationClient,
     model: str,
     name: str,
     frame: str,
@@ -97,7 +98,7 @@ def spawn(
 
     at = parse_joint_positions(joints)
     named, urdf = _own_robot(model, packages, xacro_args)
-    reply = asker.call(
+    reply = client.call(
         SPAWN,
         SpawnModel(
             name=name,
@@ -112,25 +113,25 @@ def spawn(
             parameters=tuple(Assignment(name=each, value=value) for each, value in read_assignments(pairs).items()),
         ),
     )
-    asker.print_reply(reply, f"{name} exists: {', '.join(_pose_words(reply))}")
+    client.print_reply(reply, f"spawned {name}: {', '.join(_pose_words(reply))}")
 
 
 @click.command("delete")
 @click.argument("name")
 @simulation_command
-def delete(asker: SimulationClient, name: str) -> None:
+def delete(client: SimulationClient, name: str) -> None:
     """Delete the model NAME."""
     from messages.requests import DELETE, Name
 
-    reply = asker.call(DELETE, Name(name=name))
-    asker.print_reply(reply, reply.text)
+    reply = client.call(DELETE, Name(name=name))
+    client.print_reply(reply, reply.text)
 
 
 @click.command("state")
 @click.argument("name")
 @click.option("--relative", default="", help="Frame of pose and twist: world, a model, or model::link.")
 @simulation_command
-def state(asker: SimulationClient, name: str, relative: str) -> None:
+def state(client: SimulationClient, name: str, relative: str) -> None:
     """Show the pose and twist of model NAME, or of a link (model::link).
 
     Without --relative, a model's pose is in the world frame and its twist in its own axes.
@@ -140,11 +141,11 @@ def state(asker: SimulationClient, name: str, relative: str) -> None:
     from messages.simulation import GetModelState
 
     if "::" in name:
-        link = asker.call(LINK_STATE, LinkName(link_name=name, reference_frame=relative))
-        asker.print_reply(link, _format_state(link.pose, link.twist))
+        link = client.call(LINK_STATE, LinkName(link_name=name, reference_frame=relative))
+        client.print_reply(link, _format_state(link.pose, link.twist))
         return
-    model = asker.call(GET_STATE, GetModelState(name=name, relative_entity=relative))
-    asker.print_reply(model, _format_state(model.pose, model.twist))
+    model = client.call(GET_STATE, GetModelState(name=name, relative_entity=relative))
+    client.print_reply(model, _format_state(model.pose, model.twist))
 
 
 @click.command("set-state")
@@ -155,7 +156,7 @@ def state(asker: SimulationClient, name: str, relative: str) -> None:
 @click.option("--frame", default="", help="Frame of pose and twist: world, a model, or model::link.")
 @simulation_command
 def set_state(
-    asker: SimulationClient,
+    client: SimulationClient,
     name: str,
     linear: tuple[float, float, float],
     angular: tuple[float, float, float],
@@ -168,22 +169,22 @@ def set_state(
     from messages.se3 import Pose3
     from messages.simulation import GetModelState, SetModelState
 
-    now = asker.call(GET_STATE, GetModelState(name=name, relative_entity=frame)).pose
+    now = client.call(GET_STATE, GetModelState(name=name, relative_entity=frame)).pose
     roll, pitch, yaw = Pose3.from_msg(now).rpy
     kept = {"x": now.position.x, "y": now.position.y, "z": now.position.z, "roll": roll, "pitch": pitch, "yaw": yaw}
     stated = {axis: value for axis, value in place.items() if value is not None}
     (vx, vy, vz), (wx, wy, wz) = linear, angular
     twist = Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
-    reply = asker.call(
+    reply = client.call(
         SET_STATE, SetModelState(name=name, pose=_pose(kept | stated), twist=twist, reference_frame=frame)
     )
-    asker.print_reply(reply, f"{name}: {', '.join(_pose_words(reply))}")
+    client.print_reply(reply, f"{name}: {', '.join(_pose_words(reply))}")
 
 
 @click.command("properties")
 @click.argument("name", default="")
 @simulation_command
-def properties(asker: SimulationClient, name: str) -> None:
+def properties(client: SimulationClient, name: str) -> None:
     """Show properties of the world, a model (NAME) or a link (model::link)."""
     from messages.gazebo import LinkName
     from messages.requests import LINK_PROPERTIES, MODEL_PROPERTIES, WORLD_PROPERTIES, Name
@@ -191,12 +192,12 @@ def properties(asker: SimulationClient, name: str) -> None:
 
     reply: Any
     if not name:
-        reply = asker.call(WORLD_PROPERTIES, Empty())
+        reply = client.call(WORLD_PROPERTIES, Empty())
     elif "::" in name:
-        reply = asker.call(LINK_PROPERTIES, LinkName(link_name=name))
+        reply = client.call(LINK_PROPERTIES, LinkName(link_name=name))
     else:
-        reply = asker.call(MODEL_PROPERTIES, Name(name=name))
-    asker.print_reply(
+        reply = client.call(MODEL_PROPERTIES, Name(name=name))
+    client.print_reply(
         reply, format_table((field, _format_property(getattr(reply, field))) for field in reply.__struct_fields__)
     )
 
@@ -287,21 +288,21 @@ duration_option = click.option(
 @click.command("joints")
 @click.argument("name", default="")
 @simulation_command
-def joints(asker: SimulationClient, name: str) -> None:
+def joints(client: SimulationClient, name: str) -> None:
     """Show type, limits, state and effort of all joints, those of a model, or one (model::joint)."""
     from messages.gazebo import JointName
     from messages.requests import JOINT_PROPERTIES, LIST, MODEL_PROPERTIES, Name
     from messages.std import Empty
 
-    models = [each.name for each in asker.call(LIST, Empty()).models]
+    models = [each.name for each in client.call(LIST, Empty()).models]
     if name and name not in models:
-        found = [asker.call(JOINT_PROPERTIES, JointName(joint_name=name))]
+        found = [client.call(JOINT_PROPERTIES, JointName(joint_name=name))]
     else:
         found = []
         for model in [name] if name else models:
-            for joint in asker.call(MODEL_PROPERTIES, Name(name=model)).joints:
-                found.append(asker.call(JOINT_PROPERTIES, JointName(model=model, joint_name=joint)))
-    asker.print_reply(found, _joint_table(found) if found else "no joint moves")
+            for joint in client.call(MODEL_PROPERTIES, Name(name=model)).joints:
+                found.append(client.call(JOINT_PROPERTIES, JointName(model=model, joint_name=joint)))
+    client.print_reply(found, _joint_table(found) if found else "there are no movable joints")
 
 
 @click.command("effort", context_settings=ALLOW_NEGATIVE_NUMBERS)
@@ -310,7 +311,7 @@ def joints(asker: SimulationClient, name: str) -> None:
 @start_option
 @duration_option
 @simulation_command
-def effort(asker: SimulationClient, joint: str, effort: float, start: float, duration: float) -> None:
+def effort(client: SimulationClient, joint: str, effort: float, start: float, duration: float) -> None:
     """Apply EFFORT, in N m or N, to a JOINT for some time."""
     from messages.gazebo import ApplyEffort
     from messages.joints import JointEffort
@@ -320,8 +321,8 @@ def effort(asker: SimulationClient, joint: str, effort: float, start: float, dur
     job = JointEffort(
         joint_name=joint, effort=effort, start_time=Time.of(round(start * 1e9)), duration=_clamp_duration(duration)
     )
-    reply = asker.call(APPLY_EFFORT, ApplyEffort(job=job))
-    asker.print_reply(reply, reply.text)
+    reply = client.call(APPLY_EFFORT, ApplyEffort(job=job))
+    client.print_reply(reply, reply.text)
 
 
 @click.command("wrench")
@@ -340,7 +341,7 @@ def effort(asker: SimulationClient, joint: str, effort: float, start: float, dur
 @duration_option
 @simulation_command
 def wrench(
-    asker: SimulationClient,
+    client: SimulationClient,
     link: str,
     force: Vector,
     torque: Vector,
@@ -356,7 +357,7 @@ def wrench(
     from messages.std import Time
 
     (fx, fy, fz), (tx, ty, tz), (x, y, z) = force, torque, point
-    reply = asker.call(
+    reply = client.call(
         APPLY_WRENCH,
         ApplyWrench(
             body_name=link,
@@ -367,41 +368,41 @@ def wrench(
             duration=_clamp_duration(duration),
         ),
     )
-    asker.print_reply(reply, reply.text)
+    client.print_reply(reply, reply.text)
 
 
 @click.command("clear")
 @click.argument("name")
 @click.option("--wrench", "of_link", is_flag=True, help="Clear the wrenches on the link NAME instead.")
 @simulation_command
-def clear(asker: SimulationClient, name: str, of_link: bool) -> None:
+def clear(client: SimulationClient, name: str, of_link: bool) -> None:
     """Clear the efforts on the joint NAME, including those yet to start."""
     from messages.gazebo import JointName, LinkName
     from messages.requests import CLEAR_EFFORT, CLEAR_WRENCH
 
     if of_link:
-        reply = asker.call(CLEAR_WRENCH, LinkName(link_name=name))
+        reply = client.call(CLEAR_WRENCH, LinkName(link_name=name))
     else:
-        reply = asker.call(CLEAR_EFFORT, JointName(joint_name=name))
-    asker.print_reply(reply, reply.text)
+        reply = client.call(CLEAR_EFFORT, JointName(joint_name=name))
+    client.print_reply(reply, reply.text)
 
 
 @click.command("configure")
 @click.argument("model")
 @click.argument("positions", nargs=-1, required=True, metavar="JOINT=POSITION...")
 @simulation_command
-def configure(asker: SimulationClient, model: str, positions: tuple[str, ...]) -> None:
+def configure(client: SimulationClient, model: str, positions: tuple[str, ...]) -> None:
     """Set joint positions of a MODEL, in rad or m, at zero velocity; other joints keep their state."""
     from messages.gazebo import SetConfiguration
     from messages.requests import SET_CONFIGURATION
 
     wanted = parse_joint_positions(positions)
-    reply = asker.call(
+    reply = client.call(
         SET_CONFIGURATION,
         SetConfiguration(model=model, joint_names=tuple(wanted), joint_positions=tuple(wanted.values())),
     )
     stand = (f"{name} {position:g}" for name, position in zip(reply.name, reply.position, strict=True))
-    asker.print_reply(reply, f"{model}: {', '.join(stand)}")
+    client.print_reply(reply, f"{model}: {', '.join(stand)}")
 
 
 def _clamp_duration(duration: float) -> float:

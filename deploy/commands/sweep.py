@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from deploy.sweep.results import Result, Row
 
 _SET_HELP = (
-    "Vary a key of the fleet file or a parameter: KEY=VALUE,VALUE as up --set takes it, or 'SET NAME=VALUE,VALUE', as "
+    "Vary a key of the fleet file or a parameter: KEY=VALUE,VALUE as for up --set, or 'SET NAME=VALUE,VALUE', e.g. "
     "'/tb3_0/waypoint max_linear=0.1,0.15,0.2'. May be repeated; all combinations are run."
 )
 
@@ -36,11 +36,13 @@ _SET_HELP = (
 @click.option(
     "--report", metavar="DIR", default="", help="Folder of the sweep; TIME-FLEET-sweep below --runs by default."
 )
-@click.option("--runs", metavar="DIR", default="", help="Folder that holds the folders of runs; runs by default.")
-@click.option("--resume", metavar="DIR", default="", help="Go on with the sweep in DIR, as it was defined there.")
+@click.option("--runs", metavar="DIR", default="", help="Parent folder of the run folders; runs by default.")
+@click.option("--resume", metavar="DIR", default="", help="Resume the sweep in DIR, as defined there.")
 @click.option("--retry", is_flag=True, help="Run again the runs that ended without a report.")
 @click.option("--plot", metavar="FIGURE", default="", help="Report figure to plot, e.g. tb3_0.track_max_m.")
-@click.option("--over", metavar="KEY", default="", help="Varied value to plot it over; the first number by default.")
+@click.option(
+    "--over", metavar="KEY", default="", help="Varied key on the x axis of the plot; the first numeric one by default."
+)
 @click.option("--mode", type=click.Choice(MODES), help="How time runs; the fleet's by default.")
 @click.option("--engine", type=click.Choice(ENGINES), help="Physics engine; the fleet's by default.")
 @click.option("--factor", type=float, help="Simulated seconds per wall-clock second, in mode real.")
@@ -70,9 +72,7 @@ def command(
 
     if resume:
         if fleet or seeds or assignments or report or runs or any(each is not None for each in options.values()):
-            raise BadInput(
-                "--resume takes the sweep from its folder: give no fleet, seeds, values or options beside it"
-            )
+            raise BadInput("--resume takes the sweep from its folder: give no fleet, seeds, values or options with it")
         folder = Path(resume).absolute()
         definition = read_definition(folder)
     else:
@@ -154,7 +154,7 @@ def _check_picture(definition: Definition, robots: tuple[str, ...], plot: str, o
     from deploy.sweep.results import check_figure
 
     if over and not plot:
-        raise BadInput("--over says what --plot FIGURE is drawn over: give both")
+        raise BadInput("--over KEY is the x axis of --plot FIGURE: give both")
     if plot:
         from deploy.sweep.picture import choose_axis
 
@@ -228,13 +228,11 @@ def _duration(seconds: float) -> str:
 
 
 def _print_table(definition: Definition, rows: list[Row], plot: str) -> None:
-    from deploy.live.output import write_text
+    from deploy.live.output import format_table, write_text
 
     names = ["run", *(each.name for each in definition.varied), "result", "sim_seconds", *([plot] if plot else [])]
     lines = [names, *([_cell(row, name) for name in names] for row in rows)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(names))]
-    for line in lines:
-        write_text("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() + "\n")
+    write_text(f"{format_table(lines)}\n")
 
 
 def _cell(row: Row, name: str) -> str:

@@ -52,7 +52,7 @@ _TELEOP_PARAMETERS = (
     "--keys", metavar="SCRIPT", help="Play a script of keys, KEY@FROM[-TO] in simulation s, e.g. 'i@0.5-2 k@2.5'."
 )
 @network_options
-def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, **values: object) -> None:
+def command(namespace: str, fixed: bool, stamped: bool, address: NetworkAddress, **values: object) -> None:
     """Drive the robot in NAMESPACE, e.g. /p3dx; may be omitted if there is only one robot.
 
     The robot moves while a key is held. Teleop overrides a controller, and returns the robot to it a few seconds after
@@ -70,12 +70,12 @@ def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, *
         from services.teleop.terminal import require_terminal
 
         require_terminal()
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         deadline = time.monotonic() + _ROBOT_TIMEOUT_S
         while not (found := find_bases(snapshot(transport))) and time.monotonic() < deadline:
             time.sleep(0.1)
-    base = choose_base(namespace, found, place.router)
-    arguments = ["--namespace", base.namespace, *place.arguments]
+    base = choose_base(namespace, found, address.router)
+    arguments = ["--namespace", base.namespace, *address.arguments]
     arguments += [word for name, value in parameters.items() for word in ("--param", f"{name}={json.dumps(value)}")]
     sys.stdout.flush()
     os.execve(

@@ -30,7 +30,7 @@ def command() -> None:
 )
 @json_option
 @network_options
-def tree_command(place: NetworkAddress, listen: float, as_json: bool) -> None:
+def tree_command(address: NetworkAddress, listen: float, as_json: bool) -> None:
     """Show the frame tree on /tf and /tf_static.
 
     Rates and ages are in simulation time. The exit status is 1 if there are no frames, or if they do not form a tree:
@@ -38,7 +38,7 @@ def tree_command(place: NetworkAddress, listen: float, as_json: bool) -> None:
     """
     from deploy.live.tf import show_tree
 
-    raise SystemExit(show_tree(place, listen, as_json))
+    raise SystemExit(show_tree(address, listen, as_json))
 
 
 @click.command("echo")
@@ -66,7 +66,7 @@ def tree_command(place: NetworkAddress, listen: float, as_json: bool) -> None:
 @json_option
 @network_options
 def echo_command(
-    place: NetworkAddress,
+    address: NetworkAddress,
     source: str,
     target: str,
     rate: float,
@@ -82,5 +82,5 @@ def echo_command(
     """
     from deploy.live.tf import TfEchoOptions, echo_transform
 
-    terms = TfEchoOptions(rate, 1 if once else count or 0, timeout, as_json)
-    raise SystemExit(echo_transform(place, source, target, terms))
+    options = TfEchoOptions(rate, 1 if once else count or 0, timeout, as_json)
+    raise SystemExit(echo_transform(address, source, target, options))

@@ -47,7 +47,7 @@ timeout_option: Callable[[Any], Any] = click.option(
 
 
 def measure_options(window: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add the options of a measuring command, which gets ``place``, ``window`` and ``terms``."""
+    """Add the options of a measuring command, which gets ``address``, ``window`` and ``options``."""
 
     def decorate(verb: Callable[..., Any]) -> Callable[..., Any]:
         @click.option(
@@ -67,7 +67,7 @@ def measure_options(window: int) -> Callable[[Callable[..., Any]], Callable[...,
         def measured(count: int | None, timeout: float | None, wait: bool, as_json: bool, **values: Any) -> Any:
             from deploy.live.measure import MeasureOptions
 
-            return verb(terms=MeasureOptions(count or 0, timeout, wait, as_json), **values)
+            return verb(options=MeasureOptions(count or 0, timeout, wait, as_json), **values)
 
         made: Callable[..., Any] = measured
         return made
@@ -95,7 +95,7 @@ def list_command(
     count_topics: bool,
     listen: float,
     pattern: str,
-    place: NetworkAddress,
+    address: NetworkAddress,
     as_json: bool,
 ) -> None:
     """List the topics that have publishers or subscribers.
@@ -107,7 +107,7 @@ def list_command(
     from deploy.live.topics import group_by_topic
     from services.runtime.graph import snapshot
 
-    with cli_node(place, "list") as live:
+    with cli_node(address, "list") as live:
         found = group_by_topic(snapshot(live.transport))
         foreign = _foreign_topics(live, listen) if listen else {}
     rows = [_topic_row(each) for each in found.values()]
@@ -187,8 +187,6 @@ def _format_row(row: dict[str, Any], types: bool, verbose: bool) -> str:
 _LISTEN_S = 1.2
 """Wall time [s] to measure rates and to wait for heartbeats, which are published once per second."""
 
-_COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
-
 
 @click.command("info")
 @topic_argument
@@ -200,14 +198,14 @@ _COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
 )
 @network_options
 @json_option
-def info_command(topic: str, verbose: bool, place: NetworkAddress, as_json: bool) -> None:
+def info_command(topic: str, verbose: bool, address: NetworkAddress, as_json: bool) -> None:
     """Show the type, publishers and subscribers of TOPIC."""
     from deploy.live.connect import cli_node
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import absolute_name, find_topic
 
     name = absolute_name(topic)
-    with cli_node(place, "info") as live:
+    with cli_node(address, "info") as live:
         description = _describe_topic(find_topic(live, name), live, verbose)
     if as_json:
         write_json(description)
@@ -239,7 +237,7 @@ def _describe_topic(ends: TopicEndpoints, live: LightNode, verbose: bool) -> dic
 
 def _add_measurements(description: dict[str, Any], ends: TopicEndpoints, live: LightNode) -> None:
     """Add the rates of publishers and the counts in heartbeats, measured for a second."""
-    from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber
+    from deploy.live.subscribers import INPUT_COUNTS, ClockSubscriber, HeartbeatSubscriber
     from deploy.live.topic_statistics import RateSample, SampleWindow
     from deploy.live.topics import is_latched
     from messages.names import key as key_of
@@ -272,7 +270,7 @@ def _add_measurements(description: dict[str, Any], ends: TopicEndpoints, live: L
     for row in description["subscribers"]:
         row["beats"] = row["node"] in beats.latest
         own = beats.inputs(row["node"]).get(ends.name)
-        for name in (*_COUNTS, "reason"):
+        for name in (*INPUT_COUNTS, "reason"):
             row[name] = getattr(own, name, None)
 
 
@@ -312,11 +310,13 @@ def _format_subscriber(row: dict[str, Any]) -> str:
     if row["received"] is None:
         from deploy.live.topics import is_hidden
 
-        silent = "a passing tool" if is_hidden(row["node"]) else "no heartbeat for a second"
+        silent = "a short-lived tool" if is_hidden(row["node"]) else "no heartbeat for a second"
         if row["beats"]:
             silent = f"it has too many topics to list this one: ./elea node info {row['node']}"
         return f"  {row['node']}  [{row['type']}, {row['quality']}]  {silent}"
-    shown = [name for name in _COUNTS if row[name] or name not in ("repeated", "resynced")]
+    from deploy.live.subscribers import INPUT_COUNTS
+
+    shown = [name for name in INPUT_COUNTS if row[name] or name not in ("repeated", "resynced")]
     counts = ", ".join(f"{name} {row[name]}" for name in shown)
     reason = f" ({row['reason']})" if row["reason"] else ""
     return f"  {row['node']}  [{row['type']}, {row['quality']}]  {counts}{reason}"
@@ -327,7 +327,7 @@ def _format_subscriber(row: dict[str, Any]) -> str:
 @click.option("-c", "--count-topics", is_flag=True, help="Show only their number.")
 @network_options
 @json_option
-def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_json: bool) -> None:
+def find_command(type_name: str, count_topics: bool, address: NetworkAddress, as_json: bool) -> None:
     """List the topics of TYPE, e.g. geometry_msgs/Twist. The exit status is 1 if there are none."""
     from deploy.interfaces import canonical_type, record_by_type
     from deploy.live.output import write_json, write_note, write_text
@@ -335,13 +335,13 @@ def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_j
     from services.runtime.graph import snapshot
     from services.runtime.light_node import open_transport
 
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         found = group_by_topic(snapshot(transport))
     wanted = canonical_type(type_name)
     names = [each.name for each in found.values() if wanted in each.types]
     if not names:
         record_by_type(wanted)
-        write_note(f"no topic carries {wanted} now")
+        write_note(f"no topic has the type {wanted} now")
     if as_json:
         write_json(names)
     else:
@@ -353,7 +353,7 @@ def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_j
 @topic_argument
 @network_options
 @json_option
-def type_command(topic: str, place: NetworkAddress, as_json: bool) -> None:
+def type_command(topic: str, address: NetworkAddress, as_json: bool) -> None:
     """Show the type of TOPIC, or all types if its publishers and subscribers disagree."""
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import absolute_name, group_by_topic, not_found
@@ -361,7 +361,7 @@ def type_command(topic: str, place: NetworkAddress, as_json: bool) -> None:
     from services.runtime.light_node import open_transport
 
     name = absolute_name(topic)
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         found = group_by_topic(snapshot(transport))
     if name not in found:
         raise not_found("topic", name, found, "./elea topic list shows them all")

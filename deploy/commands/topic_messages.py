@@ -51,7 +51,7 @@ def echo_command(
     fields: tuple[str, ...],
     timeout: float | None,
     wait: bool,
-    place: NetworkAddress,
+    address: NetworkAddress,
     as_json: bool,
     **style: Any,
 ) -> None:
@@ -69,13 +69,13 @@ def echo_command(
         raise BadInput(f"--once and -n {count} exclude each other")
     most = style.pop("truncate_length")
     asked = EchoRequest(topic, type_name, fields, 1 if once else count or 0, timeout, wait)
-    raise SystemExit(echo(place, asked, EchoFormat(as_json=as_json, max_elements=most, **style)))
+    raise SystemExit(echo(address, asked, EchoFormat(as_json=as_json, max_elements=most, **style)))
 
 
 @click.command("hz")
 @click.argument("topics", type=TOPIC, nargs=-1, required=True)
 @measure_options(10_000)
-def hz_command(topics: tuple[str, ...], window: int, terms: MeasureOptions, place: NetworkAddress) -> None:
+def hz_command(topics: tuple[str, ...], window: int, options: MeasureOptions, address: NetworkAddress) -> None:
     """Measure the rate of TOPICS in simulation time and wall time until Ctrl-C.
 
     Simulation time is that of the message header, or of /clock when the message was sent. Lost messages, known from
@@ -84,13 +84,13 @@ def hz_command(topics: tuple[str, ...], window: int, terms: MeasureOptions, plac
     from deploy.live.measure import measure
     from deploy.live.topic_statistics import HzMeter
 
-    raise SystemExit(measure(place, "hz", topics, lambda name: HzMeter(name, window), terms))
+    raise SystemExit(measure(address, "hz", topics, lambda name: HzMeter(name, window), options))
 
 
 @click.command("bw")
 @click.argument("topics", type=TOPIC, nargs=-1, required=True)
 @measure_options(100)
-def bw_command(topics: tuple[str, ...], window: int, terms: MeasureOptions, place: NetworkAddress) -> None:
+def bw_command(topics: tuple[str, ...], window: int, options: MeasureOptions, address: NetworkAddress) -> None:
     """Measure the payload bandwidth of TOPICS in bytes per second until Ctrl-C.
 
     Each message adds 33 bytes to its payload, and the network its own overhead.
@@ -98,13 +98,13 @@ def bw_command(topics: tuple[str, ...], window: int, terms: MeasureOptions, plac
     from deploy.live.measure import measure
     from deploy.live.topic_statistics import BwMeter
 
-    raise SystemExit(measure(place, "bw", topics, lambda name: BwMeter(name, window), terms))
+    raise SystemExit(measure(address, "bw", topics, lambda name: BwMeter(name, window), options))
 
 
 @click.command("delay")
 @topic_argument
 @measure_options(10_000)
-def delay_command(topic: str, window: int, terms: MeasureOptions, place: NetworkAddress) -> None:
+def delay_command(topic: str, window: int, options: MeasureOptions, address: NetworkAddress) -> None:
     """Measure the age of the messages of TOPIC on arrival until Ctrl-C.
 
     In simulation time, from the header stamp to the last /clock, which is published every 20 ms; and in wall time, from
@@ -113,7 +113,7 @@ def delay_command(topic: str, window: int, terms: MeasureOptions, place: Network
     from deploy.live.measure import measure
     from deploy.live.topic_statistics import DelayMeter
 
-    raise SystemExit(measure(place, "delay", (topic,), lambda name: DelayMeter(name, window), terms))
+    raise SystemExit(measure(address, "delay", (topic,), lambda name: DelayMeter(name, window), options))
 
 
 @click.command("pub", context_settings={"ignore_unknown_options": True})
@@ -164,7 +164,7 @@ def pub_command(
     wall_time: bool,
     keep_alive: float,
     quiet: bool,
-    place: NetworkAddress,
+    address: NetworkAddress,
     as_json: bool,
 ) -> None:
     """Publish messages on TOPIC.
@@ -191,4 +191,4 @@ def pub_command(
         wall_time=wall_time,
         keep_alive=keep_alive,
     )
-    raise SystemExit(publish(place, asked, "" if quiet else "json" if as_json else "text"))
+    raise SystemExit(publish(address, asked, "" if quiet else "json" if as_json else "text"))

@@ -46,7 +46,7 @@ class _Mode(click.Choice[str]):
 @click.option("--duration", type=float, metavar="S", help="End after S seconds of simulation time.")
 @click.option("--detach", is_flag=True, help="Return when the fleet is ready; stop it with ./elea down.")
 @click.option("--report", metavar="DIR", default="", help="Folder for the results; TIME-FLEET below --runs by default.")
-@click.option("--runs", metavar="DIR", default="", help="Folder that holds the folders of runs; runs by default.")
+@click.option("--runs", metavar="DIR", default="", help="Parent folder of the run folders; runs by default.")
 @click.option("--seed", type=int, metavar="N", help="Random seed of the sensor noise.")
 @click.option(
     "--share",
@@ -153,7 +153,7 @@ def run_described(
     listen = check_listen(options["listen"], options["insecure"])
     tcp_port = None if options["port"] or not fleet.run.tcp else first_free_port(fleet.run.port)
     folder = make_run_folder(fleet.name, report, runs)
-    terms = RunOptions(
+    run_options = RunOptions(
         folder=folder,
         saved=saved,
         domain=options["domain"],
@@ -168,7 +168,7 @@ def run_described(
     with open_display() as shown:
         if tcp_port not in (None, fleet.run.port):
             shown.print_line(f"TCP port {fleet.run.port} is held by another program; this fleet takes {tcp_port}")
-        result = run_fleet(fleet, terms, shown)
+        result = run_fleet(fleet, run_options, shown)
     if result.report is None:
         sys.stderr.write(f"elea: no report: {result.error}\n")
     else:

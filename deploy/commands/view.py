@@ -18,7 +18,7 @@ MIN_PIXELS, MAX_PIXELS = 320, 4096
 
 
 @click.command("view")
-@click.argument("run", default="", type=click.Path(path_type=Path))
+@click.argument("run", required=False, type=click.Path(path_type=Path))
 @click.option("--picture", is_flag=True, help="Render pictures even if there is a display.")
 @click.option(
     "--at", "times", multiple=True, type=float, metavar="S", help="Simulation time of a picture; the end by default."
@@ -28,7 +28,7 @@ MIN_PIXELS, MAX_PIXELS = 320, 4096
 @click.option("-o", "--output", default="", help="Folder for the pictures; next to the recording by default.")
 @json_option
 def command(
-    run: Path,
+    run: Path | None,
     picture: bool,
     times: tuple[float, ...],
     close: tuple[str, ...],
@@ -48,7 +48,7 @@ def command(
     for at in times:
         if not 0 <= at < MAX_TIME_S:
             raise BadInput(f"--at {at:g}: expected seconds of simulation time, from 0 on")
-    recording = _recording(run if str(run) not in ("", ".") else _latest_run())
+    recording = _recording(_latest_run() if run is None else run)
     if should_open("auto", os.environ) and not picture:
         try:
             open_recording(recording, os.environ, recording.with_suffix(".viewer.log"))
@@ -91,8 +91,8 @@ def _convert_bag(path: Path) -> Path:
     from deploy.bag_export import export_bag
     from services.bag.reader import open_bag
 
-    bag, whole = open_bag(path), path.resolve()
-    made = whole.with_name(f"{whole.stem if whole.is_file() else whole.name}.rrd")
+    bag, resolved = open_bag(path), path.resolve()
+    made = resolved.with_name(f"{resolved.stem if resolved.is_file() else resolved.name}.rrd")
     newest = max(each.stat().st_mtime for each in bag.files)
     if not made.is_file() or made.stat().st_mtime < newest:
         part = made.with_name(f".{made.name}")  # an unfinished file must not be mistaken for the bag's recording
@@ -101,8 +101,8 @@ def _convert_bag(path: Path) -> Path:
             part.replace(made)
         except OSError as error:
             raise BadInput(f"{made} cannot be written: {error.strerror}") from None
-        for trouble in result.problems:
-            sys.stderr.write(f"elea: {trouble}\n")
+        for problem in result.problems:
+            sys.stderr.write(f"elea: {problem}\n")
     return made
 
 

@@ -86,7 +86,7 @@ def map_command(world: str, output: Path, resolution: float, height: float, pack
     from services.runtime.errors import BadInput
 
     if output.suffix not in (".yaml", ".yml"):
-        raise BadInput(f"{output}: a map's name ends with .yaml")
+        raise BadInput(f"{output}: the name of a map must end with .yaml or .yml")
     drawn = world_map(read_world(world, packages=packages), resolution, height)
     try:
         write_map(output, drawn.occupied, ~drawn.occupied, resolution, (*drawn.origin, 0.0))

@@ -33,19 +33,19 @@ def run_checks(connect: str = "", domain: str = "", port: int | None = None) -> 
         fleet.orphans,
         fleet.fleets,
     ]
-    place, unusable = None, ""
+    address, unusable = None, ""
     try:
-        place = resolve_address(connect, domain, port)
-        place = NetworkAddress(endpoint(place.router), place.domain)
+        address = resolve_address(connect, domain, port)
+        address = NetworkAddress(endpoint(address.router), address.domain)
     except BadInput as error:
         unusable = str(error)
     asked = bool(connect) or port is not None
     with ThreadPoolExecutor(1) as pool:
-        heard = pool.submit(lambda: list(network.router(place, asked)) if place is not None else [])
+        heard = pool.submit(lambda: list(network.router(address, asked)) if address is not None else [])
         findings = [finding for check in checks for finding in check()]
-        if place is None:
+        if address is None:
             return [*findings, fail("network", unusable, "name one, with --port or --connect")]
-        return [*findings, *network.ports(place), *network.access(), *merge_alike(heard.result())]
+        return [*findings, *network.ports(address), *network.access(), *merge_alike(heard.result())]
 
 
 def merge_alike(findings: Sequence[Finding]) -> list[Finding]:

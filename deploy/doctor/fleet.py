@@ -151,13 +151,13 @@ def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> I
     for robot, base in sorted(bases.items()):
         topic = f"{robot.rstrip('/')}/cmd_vel"
         senders = sorted({each.node for each in entities if each.kind == "pub" and each.name == topic})
-        source = f"from {', '.join(senders)}" if senders else "from a program that shows no publication"
+        source = f"from {', '.join(senders)}" if senders else "from an undeclared publisher"
         offered = base.commands + base.stale_dropped
         if base.stale_dropped >= MIN_STALE and base.stale_dropped > STALE_SHARE * offered:
             yield warn(
                 f"base {robot}",
                 f"{base.stale_dropped} of {offered} commands {source} were too old on arrival, and ignored",
-                "the sender stalls, its link buffers, or its clock was set: restart the sender if it goes on",
+                "the sender stalls, its link buffers, or its clock was set: restart the sender if this continues",
             )
         if base.refused:
             yield warn(
@@ -184,7 +184,7 @@ def rates(seen: FleetObservation) -> Iterator[Finding]:
                 f"node {node}",
                 f"it sends {name} at {rate:.0f} Hz of simulation time, {rate / topic.rate:.0f} times the promised "
                 f"{topic.rate:g} Hz",
-                "give its loop a rate, or end it: its readers lose messages and the others wait",
+                "limit the rate of its loop, or stop it: its subscribers lose messages and other nodes are delayed",
             )
     if judged and sound:
         yield ok("rates", f"{judged} publications, none far above its promised rate")
@@ -196,14 +196,14 @@ def why_lost(name: str, beat: Health, seen: FleetObservation) -> str:
     for sender in sorted(seen.counts):
         rate = seen.rate(sender)
         if sender.topic == name and topic is not None and topic.rate and rate > FAST_FACTOR * topic.rate:
-            return f"{sender.node} floods it with {rate:.0f} Hz, {topic.rate:g} are promised: slow it down or end it"
+            return f"{sender.node} floods it with {rate:.0f} Hz, {topic.rate:g} are promised: slow it down or stop it"
     share = seen.usage.percent(beat.pid)
     if share > BUSY_PERCENT:
-        return f"{beat.node} uses {share:.0f} % of a core and reads too slowly: let it do less, or read less"
+        return f"{beat.node} uses {share:.0f} % of a core and reads too slowly: reduce its work or its subscriptions"
     cores, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
     if load > OVERLOAD * cores:
-        return f"{load:.1f} runnable processes on {cores} cores: end other programs on this machine"
-    return "nothing is wrong at this moment: a link broke or a process stood still; see whether the count grows"
+        return f"{load:.1f} runnable processes on {cores} cores: stop other programs on this machine"
+    return "no cause is visible now: a link broke or a process was suspended; see whether the count grows"
 
 
 def disk(fleet: str, folder: str) -> Iterator[Finding]:
@@ -213,7 +213,9 @@ def disk(fleet: str, folder: str) -> Iterator[Finding]:
         free = shutil.disk_usage(path).free
     except OSError as error:
         yield fail(
-            f"disk of {fleet}", f"{path} cannot be checked: {error.strerror}", "the run's results may be lost: look"
+            f"disk of {fleet}",
+            f"{path} cannot be checked: {error.strerror}",
+            "check the disk: the run's results may be lost",
         )
         return
     yield disk_space(f"disk of {fleet}", path, free)
@@ -251,9 +253,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
         for name, each in listeners.items():
             for sample in each.drain():
                 node = "a foreign program" if sample.origin is None else nodes.get(sample.origin.publisher, "")
-                counted = seen.counts.setdefault(
-                    Sender(node or "a program that shows no publication", name), SampleCount()
-                )
+                counted = seen.counts.setdefault(Sender(node or "an undeclared publisher", name), SampleCount())
                 counted.received += 1
                 if sample.origin is not None:
                     counted.first = counted.first or sample.origin.sequence

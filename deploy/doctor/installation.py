@@ -55,7 +55,7 @@ def environment(root: Path = ROOT) -> Iterator[Finding]:
             "environment", f"Python runs in {sys.prefix}, not in {own}", "start with ./elea, which makes and uses it"
         )
     elif not (own / ".complete").is_file():
-        yield warn("environment", f"{own} is not complete: it was interrupted", REINSTALL)
+        yield warn("environment", f"{own} is incomplete: the installation was interrupted", REINSTALL)
     else:
         yield ok("environment", str(own))
 
@@ -81,7 +81,7 @@ def packages(root: Path = ROOT) -> Iterator[Finding]:
         more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
         yield fail("packages", "; ".join(wrong[:5]) + more, REINSTALL)
     else:
-        yield ok("packages", f"{len(pinned)} as in requirements.lock")
+        yield ok("packages", f"{len(pinned)} packages as in requirements.lock")
 
 
 def libraries() -> Iterator[Finding]:
@@ -110,7 +110,7 @@ def libraries() -> Iterator[Finding]:
             last = errors.strip().splitlines()[-1:] or [f"status {process.returncode}"]
             broken.append(f"{name}: {last[0]}")
     if broken:
-        yield fail("libraries", "; ".join(broken), f"install the libraries named there, else {REINSTALL}")
+        yield fail("libraries", "; ".join(broken), f"install the libraries named there, or {REINSTALL}")
     else:
         yield ok("libraries", f"{', '.join(NATIVE_LIBRARIES)} load")
 

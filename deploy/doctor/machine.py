@@ -67,7 +67,7 @@ def cores_and_memory() -> Iterator[Finding]:
     cores, memory = len(os.sched_getaffinity(0)), psutil.virtual_memory()
     load = os.getloadavg()[0]
     if cores < MIN_CORES:
-        yield warn("cores", f"{cores} may be used", f"a fleet runs, slowly; {MIN_CORES} or more are better")
+        yield warn("cores", f"{cores} available", f"a fleet runs, slowly; {MIN_CORES} or more are better")
     elif load > 1.5 * cores:
         yield warn("cores", f"{cores}, with {load:.1f} runnable processes", "stop other programs: real time may lag")
     else:
@@ -170,7 +170,7 @@ def vulkan() -> Iterator[Finding]:
         else [f for d in VULKAN_DRIVER_FOLDERS for f in d.glob("*.json")]
     )
     if any(each.is_file() for each in drivers):
-        yield ok("vulkan", f"{len(drivers)} drivers, {drivers[0].stem} for one")
+        yield ok("vulkan", f"{len(drivers)} drivers, e.g. {drivers[0].stem}")
     else:
         yield warn("vulkan", "there is no driver: the viewer draws nothing, everything else works", VULKAN_INSTALL_HINT)
 

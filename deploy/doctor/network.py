@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator, Sequence
 from deploy.doctor import Finding, fail, ok, warn
 from deploy.doctor.fleet import OBSERVATION_S, check_fleet, nodes_with_loop, observe_fleet, why_lost
 from messages.elea import Health, InputHealth
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, list_names
 from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.graph import Entity
 from services.runtime.network_address import NetworkAddress, fleet_router
 from services.runtime.ports import port_in_use
-from services.runtime.transport.unix_sockets import is_listening, is_unix, make_private, path_of, remove_stale
+from services.runtime.transport.unix_sockets import check_reachable, is_unix, make_private, path_of, remove_stale
 from services.runtime.transport.zenoh_config import is_local
 
 VIEWER_PORT = 9876
@@ -21,17 +21,17 @@ MOST_ALIKE = 3
 """Maximum number of topics or nodes with the same finding that are reported one by one."""
 
 
-def ports(place: NetworkAddress) -> Iterator[Finding]:
+def ports(address: NetworkAddress) -> Iterator[Finding]:
     """Check whether a router and a live view can listen, or name the holder of the port."""
     fleets = running_fleets()
-    held = _fleet_at(place.router, fleets)
-    if not is_local(place.router):
-        yield ok("port", f"{place.router} is not this machine's")
+    held = _fleet_at(address.router, fleets)
+    if not is_local(address.router):
+        yield ok("port", f"{address.router} is not this machine's")
     elif held is not None:
-        yield ok("port", f"{place.router} is held by the fleet {held.fleet} (supervisor {held.pid})")
-    elif is_unix(place.router):
-        yield from _sockets(place.router)
-    elif port_in_use(port := int(place.router.rpartition(":")[2])):
+        yield ok("port", f"{address.router} is held by the fleet {held.fleet} (supervisor {held.pid})")
+    elif is_unix(address.router):
+        yield from _sockets(address.router)
+    elif port_in_use(port := int(address.router.rpartition(":")[2])):
         yield warn(
             "port",
             f"{port} is used by a program that is not one of your fleets",
@@ -55,7 +55,7 @@ def _sockets(router: str) -> Iterator[Finding]:
         yield fail("sockets", str(error), "fleets cannot start until this is fixed")
         return
     try:
-        is_listening(router)
+        check_reachable(router)
     except OSError:
         yield ok("sockets", f"{router} is free for a router, and not accessible to other users")
     else:
@@ -76,7 +76,7 @@ def access() -> Iterator[Finding]:
             )
 
 
-def router(place: NetworkAddress, asked: bool) -> Iterator[Finding]:
+def router(address: NetworkAddress, asked: bool) -> Iterator[Finding]:
     """Check that the router answers, nodes publish heartbeats, and nothing is lost or refused; ``asked`` if a router
     was named.
     """
@@ -88,16 +88,16 @@ def router(place: NetworkAddress, asked: bool) -> Iterator[Finding]:
 
     began = time.monotonic()
     try:
-        with open_transport(place.router, place.domain) as transport:
+        with open_transport(address.router, address.domain) as transport:
             took = time.monotonic() - began
             entities = snapshot(transport)
-            yield ok("router", f"{place.router} joined within {took:.2f} s, {len(nodes_with_loop(entities))} nodes")
+            yield ok("router", f"{address.router} joined within {took:.2f} s, {len(nodes_with_loop(entities))} nodes")
             yield from requests(entities)
             seen = observe_fleet(transport, entities)
             yield from nodes(entities, seen.heartbeats, lambda topic, beat: why_lost(topic, beat, seen))
             yield from check_fleet(entities, seen)
     except BadInput as error:
-        yield fail("router", str(error), _advice(place.router, running_fleets()))
+        yield fail("router", str(error), _advice(address.router, running_fleets()))
 
 
 def requests(entities: Sequence[Entity]) -> Iterator[Finding]:
@@ -112,10 +112,10 @@ def requests(entities: Sequence[Entity]) -> Iterator[Finding]:
             rivals.setdefault(tuple(sorted(servers)), []).append(name)
     for several, names in rivals.items():
         processes = ", ".join(f"{node} (session {session[:8]})" for node, session in several)
-        listed = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        listed = list_names(names, 5)
         yield fail("requests", f"{len(several)} processes serve {listed}: {processes}", "stop all but one of them")
     if served and not rivals:
-        yield ok("requests", f"{len(served)} are served, each by one process")
+        yield ok("requests", f"{len(served)} services, each served by one process")
 
 
 def nodes(
@@ -164,8 +164,8 @@ def nodes(
                     f"see all: ./elea node info {name}",
                 )
     if beats and not silent:
-        sound = "none waits, loses or refuses" if not _any_problems(beats) else "see above"
-        yield ok("nodes", f"{len(beats)} beat, {sound}")
+        sound = "none waits, loses or refuses messages" if not _any_problems(beats) else "see above"
+        yield ok("nodes", f"{len(beats)} nodes send heartbeats; {sound}")
 
 
 def _losses(beat: Health, cause: Callable[[str, Health], str] | None) -> Iterator[Finding]:

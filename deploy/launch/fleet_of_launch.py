@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -75,8 +74,8 @@ class FleetOfLaunch:
 
 def fleet_of_launch(launch: Launch, packages: LaunchPackages, test: LaunchNode | None = None) -> FleetOfLaunch:
     """Convert a launch file, with one of its tests, to a fleet; raises BadInput, with file and line."""
-    maker = _Maker(launch, packages)
-    return maker.fleet() if test is None else maker.with_test(test)
+    builder = _FleetBuilder(launch, packages)
+    return builder.fleet() if test is None else builder.with_test(test)
 
 
 def model_folders(packages: LaunchPackages) -> tuple[Path, ...]:
@@ -99,7 +98,9 @@ def _exported(folder: Path, attribute: str) -> list[Path]:
     return [each for each in paths if each.is_dir()]
 
 
-class _Maker:
+class _FleetBuilder:
+    """Builds the fleet of one launch file."""
+
     def __init__(self, launch: Launch, packages: LaunchPackages) -> None:
         self._launch, self._packages = launch, packages
         self._folders = model_folders(packages)
@@ -137,7 +138,7 @@ class _Maker:
         path = self._packages.script(test.package, test.type)
         if path is None:
             raise BadInput(
-                f"{test.where}: the test {test.what} cannot be run: it is no Python program of a package here"
+                f"{test.where}: the test {test.what} cannot be run: it is not a Python program of a known package"
             )
         self._script(replace(test, required=True), path)
         made = self.fleet()
@@ -152,13 +153,13 @@ class _Maker:
             if any(each["namespace"] == table["namespace"] for each in tables):
                 self._launch.note(
                     f"{spawn.node.where}: {table['name']} would share the topics in {table['namespace']} with "
-                    f"another robot; its own are in /{table['name']}"
+                    f"another robot, so they are in /{table['name']} instead"
                 )
                 table["namespace"] = f"/{table['name']}"
             tables.append(table)
         if not single and any("frame_prefix" not in each for each in tables):
             self._launch.note(
-                "the frames of several robots bear their names, as tb3_0/odom: no two frames are the same"
+                "with several robots, each frame is prefixed with its robot's name, e.g. tb3_0/odom, to be unique"
             )
         return tables
 
@@ -171,7 +172,7 @@ class _Maker:
         if not given or name.startswith("empty") or name in WORLDS:
             return name if name in WORLDS else "empty"
         path = self._world_file(node, given)
-        ours = next((mine for text, mine in WORLD_NAMES if text in name), "")
+        ours = next((world for text, world in WORLD_NAMES if text in name), "")
         if path.is_file():
             try:
                 missing = read_world(str(path), packages=self._folders).missing
@@ -180,19 +181,19 @@ class _Maker:
                     raise BadInput(f"{node.where}: {error}") from None
                 missing = (str(error),)
             if missing and ours:
-                self._launch.note(f"the world {name} cannot be read ({missing[0]}); Elea's {ours} stands for it")
+                self._launch.note(f"the world {name} cannot be read ({missing[0]}); Elea's world {ours} replaces it")
                 return ours
             for each in missing:
                 self._launch.note(each)
             return str(path)
         if ours:
-            self._launch.note(f"the world {name} is Elea's {ours}")
+            self._launch.note(f"the world {name} is replaced by Elea's world {ours}")
             return ours
         package = self._package_of(path)
         if package is not None:
             near = did_you_mean(path.name, [each.name for each in path.parent.glob("*")])
             raise BadInput(f"{node.where}: there is no world {path}{near}")
-        self._launch.note(f"the world {given} is not here; the ground is empty")
+        self._launch.note(f"the world {given} was not found; an empty ground replaces it")
         return "empty"
 
     def _world_file(self, node: LaunchNode, given: str) -> Path:
@@ -216,7 +217,7 @@ class _Maker:
             if node.type == "gazebo":
                 self._once({"kind": "logger"})
         elif is_spawn(node):
-            self._thing(next(each for each in self._spawns if each.node is node))
+            self._spawn_object(next(each for each in self._spawns if each.node is node))
         elif known_nodes.is_viewer(node):
             self._once({"kind": "logger"})
             if node.package == "gazebo_ros":
@@ -258,10 +259,7 @@ class _Maker:
         if {each.partition(".")[0] for each in imported_modules(read_script(path))} & TERMINAL_MODULES:
             self._keyboard(node, f"./elea rosrun {node.package} {node.type} {node.args}".strip())
             return
-        try:
-            arguments = shlex.split(node.args)
-        except ValueError as error:
-            raise BadInput(f"{node.where}: the args of {node.name} cannot be read: {error}") from None
+        arguments = node.words
         service: dict[str, Any] = {"kind": str(path), "name": self._free_name(node)}
         if node.namespace != "/":
             service["namespace"] = node.namespace
@@ -271,9 +269,9 @@ class _Maker:
         if node.cwd == "node":
             service["cwd"] = str(path.parent)
         service |= {"output": "screen"} if node.screen else {}
-        self._services.append(service | self._life(node))
+        self._services.append(service | self._supervision(node))
 
-    def _life(self, node: LaunchNode) -> dict[str, Any]:
+    def _supervision(self, node: LaunchNode) -> dict[str, Any]:
         """Return a node's supervision: roslaunch restarts one only with ``respawn``."""
         restart: Any = "never"
         if node.respawn:
@@ -326,20 +324,20 @@ class _Maker:
             raise BadInput(f"{node.where}: {node.what} is required, and cannot be run: {why}")
         self._launch.note(f"{node.where}: {node.what} is left out: {why}")
 
-    def _thing(self, spawn: Spawn) -> None:
+    def _spawn_object(self, spawn: Spawn) -> None:
         """Add a program that spawns a model that is not a robot."""
         if spawn in self._robots:
             return
         service: dict[str, Any] = {"kind": str(STAND_INS / "gazebo_ros/scripts/spawn_model"), "name": spawn.node.name}
         if spawn.node.namespace != "/":
             service["namespace"] = spawn.node.namespace
-        self._services.append({**service, "args": shlex.split(spawn.node.args), "restart": "never"})
+        self._services.append({**service, "args": spawn.node.words, "restart": "never"})
 
     def _static_transform(self, node: LaunchNode) -> None:
         self._add(node, "static_transform", known_nodes.static_transform(node))
 
     def _controllers(self, node: LaunchNode) -> None:
-        words = shlex.split(node.args)
+        words = node.words
         names: list[str] = []
         namespace = node.namespace
         while words:
@@ -357,28 +355,28 @@ class _Maker:
             ):
                 names.append(word)
         driven = {key.rpartition("/")[2] for key, _ in diff_drive_controllers(self._launch.parameters, namespace)}
-        wanted = [
+        started = [
             each
             for each in names
             if each.rpartition("/")[2] not in driven and not self._is_broadcaster(namespace, each)
         ]
-        if not wanted:
+        if not started:
             return
         owner = next(
             (each for each in self._robots if namespace in (each.namespace, "/") or each.namespace == "/"), None
         )
-        absolute = [join_names(namespace, name) for name in wanted]
+        absolute = [join_names(namespace, name) for name in started]
         file = next((each.file for each in self._launch.loaded if all(map(each.sets, absolute))), None)
         config = str(file) if file is not None else self._inline_controllers(namespace, absolute)
         if not config or owner is None:
-            why = "no robot is spawned" if owner is None else f"no <rosparam> configures {', '.join(wanted)}"
+            why = "no robot is spawned" if owner is None else f"no <rosparam> configures {', '.join(started)}"
             self._skip(node, why)
             return
         table = self._tables[self._robots.index(owner)]
         if table["namespace"] != namespace:
             self._launch.note(f"{node.where}: the topics of {table['name']} are in {namespace}, as its controllers are")
             table["namespace"] = namespace
-        parameters = {"config": config, "robot": table["name"], "controllers": wanted}
+        parameters = {"config": config, "robot": table["name"], "controllers": started}
         self._services.append(
             {"kind": "controller_manager", "name": node.name, "namespace": namespace, "parameters": parameters}
         )
@@ -432,7 +430,7 @@ class _Maker:
     def _map(self, node: LaunchNode) -> None:
         file = known_nodes.map_file(node)
         if file is None or not file.is_file():
-            self._skip(node, f"there is no file {file}" if file else "no file of a map is named")
+            self._skip(node, f"there is no file {file}" if file else "no map file is given")
             return
         self._add(node, "map_server", {"map": str(file)})
 

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -41,11 +42,11 @@ _SINGLE = ("logger", "panel", "recorder", "state", *BUILTIN_SERVICES)
 
 
 @dataclass
-class _Life:
+class _ManagedProcess:
     """One process, its restarts, and the time of its next start."""
 
     spec: ProcessSpec
-    process: subprocess.Popen[bytes] | None = None
+    popen: subprocess.Popen[bytes] | None = None
     restarts: list[float] = field(default_factory=list)
     due: float = 0.0
     done: bool = False
@@ -56,38 +57,42 @@ def join_fleet(fleet: Fleet, running: FleetInstance) -> int:
 
     Returns the exit status once all have ended, or after Ctrl-C.
     """
-    place = NetworkAddress(fleet_router(running), running.domain)
+    address = NetworkAddress(fleet_router(running), running.domain)
     sys.stderr.write(f"joining the fleet {running.fleet}\n")
-    _set_parameters(fleet, place)
+    _set_parameters(fleet, address)
     for robot in fleet.robot:
-        _spawn(robot, fleet, place, alone=not _models(place))
+        _spawn(robot, fleet, address, alone=not _models(address))
     run = replace(fleet.run, port=running.port, mode="real")
     with tempfile.TemporaryDirectory(prefix="elea-launch-") as folder:
         options = RunOptions(folder=Path(folder), domain=running.domain)
         plan = plan_processes(replace(fleet, run=run, robot=()), options)
-        return Programs([_joined(each, place) for each in plan if each.kind not in _SINGLE]).run()
+        return Programs([_joined(each, address) for each in plan if each.kind not in _SINGLE]).run()
 
 
 def stop_fleet(running: FleetInstance) -> None:
     """Stop a fleet that is replaced, and wait for its end; raises EleaError."""
-    sys.stderr.write(f"the fleet {running.fleet} makes room\n")
-    handle = os.pidfd_open(running.pid)
+    sys.stderr.write(f"stopping the fleet {running.fleet}, which this launch file replaces\n")
     try:
-        signal.pidfd_send_signal(handle, signal.SIGINT)
+        handle = os.pidfd_open(running.pid)
+    except ProcessLookupError:
+        return  # it has just ended by itself
+    try:
+        with suppress(ProcessLookupError):
+            signal.pidfd_send_signal(handle, signal.SIGINT)
         if not select.select([handle], [], [], 60.0)[0]:
             raise EleaError(f"the fleet {running.fleet} does not stop: end it with ./elea down")
     finally:
         os.close(handle)
 
 
-def _models(place: NetworkAddress) -> int:
+def _models(address: NetworkAddress) -> int:
     """Return the number of models in the running simulation."""
     from messages.requests import LIST
     from messages.std import Empty
     from services.runtime.light_node import open_transport
     from services.runtime.requests import call
 
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         return len(call(transport, LIST, key_of(LIST.name), Empty(), _CALL_S).models)
 
 
@@ -96,7 +101,7 @@ def _elea(*words: str) -> int:
     return subprocess.run([sys.executable, "-P", "-m", "deploy", *words], env=environment, check=False).returncode
 
 
-def _set_parameters(fleet: Fleet, place: NetworkAddress) -> None:
+def _set_parameters(fleet: Fleet, address: NetworkAddress) -> None:
     tree = fleet_parameter_tree(replace(fleet, robot=()))
     if not tree:
         return
@@ -105,16 +110,16 @@ def _set_parameters(fleet: Fleet, place: NetworkAddress) -> None:
     from services.runtime.light_node import open_transport
     from services.runtime.requests import call
 
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         for key, value in leaves(tree):
             message = RosparamSet(key=key, value=json.dumps(value))
             call(transport, ROSPARAM_SET, key_of(ROSPARAM_SET.name), message, _CALL_S)
 
 
-def _spawn(robot: RobotConfig, fleet: Fleet, place: NetworkAddress, alone: bool) -> None:
+def _spawn(robot: RobotConfig, fleet: Fleet, address: NetworkAddress, alone: bool) -> None:
     """Spawn a robot; only if it is ``alone``, its frames may have no prefix."""
-    words = [robot.model, robot.name, "--connect", place.router, "--namespace", robot.namespace or f"/{robot.name}"]
-    words += ["--domain", place.domain] if place.domain else []
+    words = [robot.model, robot.name, "--connect", address.router, "--namespace", robot.namespace or f"/{robot.name}"]
+    words += ["--domain", address.domain] if address.domain else []
     if robot.frame_prefix or (robot.frame_prefix == "" and alone):
         words += ["--frame-prefix", robot.frame_prefix]
     for axis, option in (("x", "-x"), ("y", "-y"), ("z", "-z"), ("yaw", "-Y")):
@@ -129,12 +134,12 @@ def _spawn(robot: RobotConfig, fleet: Fleet, place: NetworkAddress, alone: bool)
         raise EleaError(f"the robot {robot.name} was not spawned")
 
 
-def _joined(spec: ProcessSpec, place: NetworkAddress) -> ProcessSpec:
+def _joined(spec: ProcessSpec, address: NetworkAddress) -> ProcessSpec:
     """Return a process that connects to the running fleet's router instead of its own fleet's."""
     argv = list(spec.argv)
     if "--connect" in argv:
         index = argv.index("--connect")
-        argv[index + 1] = place.router
+        argv[index + 1] = address.router
     return replace(spec, argv=tuple(argv))
 
 
@@ -142,7 +147,7 @@ class Programs:
     """Programs that run until all have ended, a required one has, or a signal arrives."""
 
     def __init__(self, specs: Sequence[ProcessSpec]) -> None:
-        self._lives = [_Life(each) for each in specs]
+        self._processes = [_ManagedProcess(each) for each in specs]
         self._rng = random.Random(0)
         self._status = 0
 
@@ -151,40 +156,40 @@ class Programs:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.default_int_handler)  # also if the shell made the process ignore it
         try:
-            while any(not each.done for each in self._lives):
-                if any(self._look_at(each) for each in self._lives if not each.done):
+            while any(not each.done for each in self._processes):
+                if any(self._update(each) for each in self._processes if not each.done):
                     break
                 time.sleep(_POLL_S)
         except KeyboardInterrupt:
             self._status = 130
         finally:
-            _stop([each.process for each in self._lives if each.process is not None])
+            _stop([each.popen for each in self._processes if each.popen is not None])
         return self._status
 
-    def _look_at(self, life: _Life) -> bool:
+    def _update(self, process: _ManagedProcess) -> bool:
         """Start a program, or handle its end; return whether all others must end with it."""
-        now, name = time.monotonic(), life.spec.name
-        if life.process is None:
-            life.process = _start(life.spec) if now >= life.due else None
+        now, name = time.monotonic(), process.spec.name
+        if process.popen is None:
+            process.popen = _start(process.spec) if now >= process.due else None
             return False
-        if (status := life.process.poll()) is None:
+        if (status := process.popen.poll()) is None:
             return False
-        life.process = None
-        match decide_after_exit(life.spec.policy, life.restarts, now, status, self._rng.random()):
+        process.popen = None
+        match decide_after_exit(process.spec.policy, process.restarts, now, status, self._rng.random()):
             case Restart(pause):
-                sys.stderr.write(f"{name} ended with status {status}; again in {pause:.1f} s\n")
-                life.restarts.append(now)
-                life.due = now + pause
+                sys.stderr.write(f"{name} ended with status {status}; restarting in {pause:.1f} s\n")
+                process.restarts.append(now)
+                process.due = now + pause
                 return False
             case Finished():
                 sys.stderr.write(f"{name} finished cleanly\n")
             case Failed(reason):
                 sys.stderr.write(f"{name} has died: {reason}\n")
                 self._status = 1
-        life.done = True
-        if life.spec.required:
-            sys.stderr.write(f"{name} is required: all others end\n")
-        return life.spec.required
+        process.done = True
+        if process.spec.required:
+            sys.stderr.write(f"{name} is required: stopping all others\n")
+        return process.spec.required
 
 
 def _start(spec: ProcessSpec) -> subprocess.Popen[bytes]:

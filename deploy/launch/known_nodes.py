@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,9 @@ from services.runtime.errors import BadInput
 PUBLISHED_BY_SIM = "the simulation publishes the frames and joint states of its robots itself"
 
 NOTHING_TO_DO: dict[tuple[str, str], str] = {
-    ("gazebo_ros", "paused"): "the simulation begins at once: ./elea sim pause stops it",
+    ("gazebo_ros", "paused"): "the simulation starts immediately; ./elea sim pause pauses it",
     ("gazebo_ros", "gzclient"): "",
-    ("rosbridge_server", "*"): "browsers join by the panel",
+    ("rosbridge_server", "*"): "browsers connect through the panel",
     ("rosapi", "*"): "",
     ("tf2_web_republisher", "*"): "",
     ("robot_pose_publisher", "*"): "",
@@ -46,11 +45,16 @@ PANELS = {
     "rqt_console",
     "rqt_image_view",
     "rqt_reconfigure",
+    "rqt_robot_steering",
+    "rqt_steering",
+    "rqt_tf_tree",
+    "rqt_topic",
+    "rqt_publisher",
+    "rqt_logger_level",
     "image_view",
     "plotjuggler",
 }
 """Packages that are replaced by the panel."""
-PANELS |= {"rqt_robot_steering", "rqt_steering", "rqt_tf_tree", "rqt_topic", "rqt_publisher", "rqt_logger_level"}
 
 NOT_HERE = {
     "gmapping": "SLAM is not part of Elea",
@@ -106,7 +110,7 @@ def static_transform(node: LaunchNode) -> dict[str, Any]:
 
     ``x y z yaw pitch roll frame child [period]`` or ``x y z qx qy qz qw frame child [period]``.
     """
-    words = shlex.split(node.args)
+    words = node.words
     numbers: list[float] = []
     while words and len(numbers) < 7:
         try:
@@ -127,7 +131,7 @@ def static_transform(node: LaunchNode) -> dict[str, Any]:
 
 def world_argument(node: LaunchNode) -> str:
     """Return the world that Gazebo is started with; "" without one."""
-    words = shlex.split(node.args)
+    words = node.words
     skip = False
     for word in words:
         if skip:
@@ -141,5 +145,5 @@ def world_argument(node: LaunchNode) -> str:
 
 def map_file(node: LaunchNode) -> Path | None:
     """Return the map file of a map server; None without one."""
-    words = [each for each in shlex.split(node.args) if ":=" not in each]
+    words = [each for each in node.words if ":=" not in each]
     return Path(words[0]) if words else None

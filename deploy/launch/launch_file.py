@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from deploy.launch.launch_values import (
 from deploy.launch.launch_xml import LaunchElement, read_launch_xml
 from deploy.launch.packages import STAND_INS, LaunchPackages
 from deploy.launch.substitution import Substitution, truth
-from deploy.rosparam_tree import Tree, parameter_tree, set_parameter
+from deploy.rosparam_tree import Tree, get_parameter, parameter_tree, set_parameter
 from messages.names import BadName, parse_remap
 from services.runtime.errors import BadInput, did_you_mean, unknown_name
 from services.script.inspect_script import legal_node_name
@@ -66,6 +67,14 @@ class LaunchNode:
         """``package/type``, as people call it."""
         return f"{self.package}/{self.type}"
 
+    @property
+    def words(self) -> list[str]:
+        """``args`` split as by a shell; raises BadInput, with file and line."""
+        try:
+            return shlex.split(self.args)
+        except ValueError as error:
+            raise BadInput(f"{self.where}: the args of {self.name} cannot be read: {error}") from None
+
 
 @dataclass(frozen=True)
 class LoadedFile:
@@ -77,15 +86,12 @@ class LoadedFile:
 
     def sets(self, name: str) -> bool:
         """Return whether it sets a parameter or a table of parameters, by its absolute name."""
-        value: Any = self.tree
         prefix = self.namespace.rstrip("/") + "/"
-        if not name.startswith(prefix):
+        try:
+            get_parameter(self.tree, name.removeprefix(prefix))
+        except KeyError:
             return False
-        for part in name.removeprefix(prefix).split("/"):
-            if not isinstance(value, dict) or part not in value:
-                return False
-            value = value[part]
-        return True
+        return name.startswith(prefix)
 
 
 @dataclass
@@ -294,7 +300,7 @@ class _File:
     def _unknown(self, element: LaunchElement, known: Sequence[str]) -> None:
         """Note an element that roslaunch ignores."""
         near = did_you_mean(element.tag, known)
-        self._launch.note(f"{element.where}: <{element.tag[:40]}> is not an element here{near}; it is left out")
+        self._launch.note(f"{element.where}: <{element.tag[:40]}> is not a launch file's element{near}; it is ignored")
 
     def _get(self, element: LaunchElement, name: str, default: str = "") -> str:
         value = element.attributes.get(name)
@@ -325,7 +331,7 @@ class _File:
         parts = [legal_node_name(each) for each in given.split("/") if each]
         made = ("/" if given.startswith("/") else "") + "/".join(parts)
         if [each for each in given.split("/") if each] != parts:
-            self._launch.note(f"{element.where}: the name {given!r} is not legal; {made!r} is taken")
+            self._launch.note(f"{element.where}: the name {given!r} is not legal; {made!r} is used instead")
         return made
 
     def _arg(self, element: LaunchElement) -> None:
@@ -405,7 +411,8 @@ class _File:
             self._launch.note(f'{element.where}: <rosparam command="dump"> is left out: ./elea up writes rosparam.json')
             return
         space = join_names(namespace, self._get(element, "ns"))
-        key = join_names(space, self._get(element, "param").lstrip("~"))
+        param = self._get(element, "param")
+        key = join_names(space, param[1:].lstrip("/") if param.startswith("~") else param)
         if command == "delete":
             return  # roslaunch deletes before it sets, and the tree is empty at first
         text, where = element.text, element.where
@@ -466,7 +473,7 @@ class _File:
         if not legal:
             element.fail(f"<{element.tag}>: {name!r} is not a valid node name")
         if legal != name:
-            self._launch.note(f"{element.where}: the node's name {name!r} is not legal; {legal!r} is taken")
+            self._launch.note(f"{element.where}: the node's name {name!r} is not legal; {legal!r} is used instead")
         namespace = self._namespace(element, scope)
         if "machine" in element.attributes and self._get(element, "machine") not in ("", "localhost"):
             self._launch.note(f"{element.where}: machine={self._get(element, 'machine')!r}: all nodes run on this one")

@@ -117,8 +117,8 @@ def command_output(command: str, where: str) -> str | Description:
     if name == "rosversion":
         return "noetic\n"
     raise BadInput(
-        f"{where}: the command {program[:80]!r} is not run: of commands only xacro, cat and rosversion are known; put "
-        "its output into a file, and use textfile"
+        f"{where}: the command {program[:80]!r} is not run: only xacro, cat and rosversion are supported; "
+        "write its output to a file, and use textfile"
     )
 
 

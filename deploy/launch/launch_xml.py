@@ -54,7 +54,7 @@ class LaunchElement:
                 self.fail(f"<{self.tag}> needs the attribute {name!r}{near}")
         for name in self.attributes:
             if name not in known:
-                yield f"{self.where}: <{self.tag}> has no attribute {name!r}{did_you_mean(name, known)}; it is left out"
+                yield f"{self.where}: <{self.tag}> has no attribute {name!r}{did_you_mean(name, known)}; it is ignored"
 
 
 def read_launch_xml(path: Path) -> LaunchElement:
@@ -93,7 +93,7 @@ def parse_launch_xml(text: str, path: Path) -> LaunchElement:
         stack[-1].text += data
 
     def refuse(*_: object) -> NoReturn:
-        raise BadInput(f"{path}:{line()}: the file declares a document type or entities: a launch file has none")
+        raise BadInput(f"{path}:{line()}: the file declares a document type or entities, which a launch file must not")
 
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, characters
@@ -107,7 +107,7 @@ def parse_launch_xml(text: str, path: Path) -> LaunchElement:
         raise BadInput(f"{path}:{number}: this is not XML: {_reason(error)}{still}{_hint(lines, number)}") from None
     top = root.children[0]
     if top.tag != "launch":
-        top.fail(f"the root is <{top.tag[:40]}>, a launch file's is <launch>")
+        top.fail(f"the root element is <{top.tag[:40]}>, not <launch>")
     return top
 
 

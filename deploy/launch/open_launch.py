@@ -9,12 +9,9 @@ from deploy.fleet import Fleet
 from deploy.fleet_file import parse_fleet
 from deploy.launch.fleet_of_launch import FleetOfLaunch, fleet_of_launch
 from deploy.launch.launch_file import Launch, read_launch
-from deploy.launch.packages import LaunchPackages
+from deploy.launch.packages import ENDINGS, LaunchPackages
 from services.runtime.errors import BadInput
 from services.script.workspace import workspace_of
-
-ENDINGS = (".launch", ".test", ".xml")
-"""Suffixes of launch files."""
 
 
 def find_launch(words: Sequence[str], here: Path) -> tuple[Path, LaunchPackages]:
@@ -22,9 +19,8 @@ def find_launch(words: Sequence[str], here: Path) -> tuple[Path, LaunchPackages]
     if len(words) == 1:
         path = (here / Path(words[0]).expanduser()).absolute()
         if not path.is_file():
-            hint = (
-                "" if words[0].endswith(ENDINGS) else f"; a file of a package is named by both: {words[0]} FILE.launch"
-            )
+            hint = f"; for a launch file of a package, give both: {words[0]} FILE.launch"
+            hint = "" if words[0].endswith(ENDINGS) else hint
             raise BadInput(f"there is no launch file {words[0]}{hint}")
         return path, LaunchPackages(workspace_of(path))
     if len(words) != 2:

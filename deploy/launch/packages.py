@@ -11,6 +11,8 @@ from services.runtime.errors import BadInput, did_you_mean
 from services.script.inspect_script import is_python
 from services.script.workspace import Workspace
 
+ENDINGS = (".launch", ".test", ".xml")
+"""Suffixes of launch files."""
 STAND_INS = Path(__file__).parent / "packages"
 """Launch files of ours under the names of well-known ones, in a folder for each package."""
 
@@ -61,7 +63,7 @@ class LaunchPackages:
             found = sorted(path for path in _files_below(each) if path.name == name)
             if found:
                 return found[0]
-        known = sorted(path.name for path in _files_below(folder) if path.name.endswith((".launch", ".test", ".xml")))
+        known = sorted(path.name for path in _files_below(folder) if path.name.endswith(ENDINGS))
         shown = f" (it has {', '.join(known[:20])})" if known else ""
         raise BadInput(f"{package} in {folder} has no launch file {name}{did_you_mean(name, known)}{shown}")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -76,10 +75,7 @@ def known_model(text: str) -> str:
 
 def read_spawn(node: LaunchNode, launch: Launch) -> Spawn:
     """Parse the arguments of a node that spawns; raises BadInput."""
-    try:
-        words = shlex.split(node.args)
-    except ValueError as error:
-        raise BadInput(f"{node.where}: the args of {node.name} cannot be read: {error}") from None
+    words = node.words
     values: dict[str, str] = {}
     joints: dict[str, float] = {}
     flags = set()
@@ -99,8 +95,8 @@ def read_spawn(node: LaunchNode, launch: Launch) -> Spawn:
     if angle_fault(pose["yaw"]):
         turned = math.remainder(pose["yaw"], math.tau)
         launch.note(
-            f"{node.where}: spawn_model -Y {pose['yaw']:g} counts in rad, as in Gazebo, which is a heading of "
-            f"{turned:.4f}; {pose['yaw']:g} degrees would be {math.radians(pose['yaw']):.4f}"
+            f"{node.where}: spawn_model -Y {pose['yaw']:g} is in rad, as in Gazebo: a heading of "
+            f"{turned:.4f} rad; {pose['yaw']:g} degrees would be {math.radians(pose['yaw']):.4f} rad"
         )
         pose["yaw"] = turned
     for option in ("-R", "-P"):
@@ -163,7 +159,7 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
         raise BadInput(f"{node.where}: the robot {name}: {error}") from None
     if faults:
         more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-        launch.note(f"{node.where}: the robot {name} is without what cannot be read: {faults[0]}{more}")
+        launch.note(f"{node.where}: parts of the robot {name} cannot be read and are omitted: {faults[0]}{more}")
         table["model"] = made
         table.pop("xacro_args", None)
     if read_model(made).has_base:
@@ -177,12 +173,12 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
             inside = key.removeprefix(namespace.rstrip("/")).strip("/")
             parameters |= {"cmd_vel_timeout": 0.5, **frames, **_base_parameters(controller, key, launch, own)}
             parameters["controller"] = inside
-            launch.note(f"{node.where}: {name} listens to {key}/cmd_vel, as its diff_drive_controller is called")
+            launch.note(f"{node.where}: {name} listens to {key}/cmd_vel, the topic of its diff_drive_controller")
             break
         else:
             if model in MODELS and (commands := _command_namespace(spawn, packages)) != namespace:
                 namespace = commands
-                launch.note(f"{node.where}: {name} listens to {namespace}/cmd_vel, as the plugin of its drive says")
+                launch.note(f"{node.where}: {name} listens to {namespace}/cmd_vel, the topic of its drive plugin")
     table["namespace"] = namespace
     prefix = str(launch.search_parameter(spawn.namespace, "tf_prefix") or "").strip("/")
     if prefix or single:

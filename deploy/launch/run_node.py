@@ -21,11 +21,11 @@ from services.script.workspace import workspace_of
 def run_known_node(package: str, program: str, arguments: Sequence[str], port: int | None) -> bool:
     """Replace this process by the replacement of a node; return False without one, True if nothing needs to be done."""
     remaps = [each.partition(":=")[::2] for each in arguments if ":=" in each]
-    words = " ".join(each for each in arguments if ":=" not in each)
-    node = LaunchNode(package, program, program, "/", words, f"rosrun {package} {program}")
+    words = [each for each in arguments if ":=" not in each]
+    node = LaunchNode(package, program, program, "/", shlex.join(words), f"rosrun {package} {program}")
     network = ["--port", str(port)] if port is not None else []
     if (package, program) in (("tf", "tf_echo"), ("tf2_tools", "echo.py")):
-        _elea(["tf", "echo", *network, *words.split()[:2]])
+        _elea(["tf", "echo", *network, *words[:2]])
     if program.removesuffix(".py") == "view_frames":
         _elea(["tf", "tree", *network])
     if package == "xacro":

@@ -41,10 +41,10 @@ class Substitution:
         if "$(" not in text:
             return text
         if found := _EVAL.match(text):
-            return _as_text(self._eval(found[1], where))
+            return str(self._eval(found[1], where))
         made = _SUBSTITUTION.sub(lambda match: self._one(match[1], where), text)
         if re.search(r"\$\(\s*eval\b", made):
-            raise BadInput(f"{where}: $(eval …) stands alone in its attribute: {text[:120]!r}")
+            raise BadInput(f"{where}: $(eval …) must be the whole value of its attribute: {text[:120]!r}")
         if (open_at := made.find("$(")) >= 0:
             raise BadInput(f"{where}: {made[open_at : open_at + 60]!r} is not closed: write $(command value)")
         return made
@@ -55,7 +55,7 @@ class Substitution:
         if command not in COMMANDS:
             raise unknown_name("substitution", command, COMMANDS, where)
         if command == "eval":
-            return _as_text(self._eval(rest, where))
+            return str(self._eval(rest, where))
         if command == "dirname":
             return str(self.folder)
         if not rest:
@@ -137,7 +137,3 @@ def truth(text: str, where: str, name: str) -> bool:
         return {"true": True, "1": True, "false": False, "0": False}[text.strip().lower()]
     except KeyError:
         raise BadInput(f"{where}: {name}={text[:80]!r} is neither true nor false (nor 1 or 0)") from None
-
-
-def _as_text(value: Any) -> str:
-    return str(value)

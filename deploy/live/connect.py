@@ -41,9 +41,9 @@ def user_and_host() -> str:
 
 
 @contextmanager
-def cli_node(place: NetworkAddress, role: str, owner: str = "") -> Iterator[LightNode]:
+def cli_node(address: NetworkAddress, role: str, owner: str = "") -> Iterator[LightNode]:
     """Join the network as a node that SIGINT and SIGTERM stop; raises BadInput without a router."""
-    with open_transport(place.router, place.domain) as transport:
+    with open_transport(address.router, address.domain) as transport:
         made = LightNode(transport, role, owner)
         install_signal_handlers(made.stop)
         yield made

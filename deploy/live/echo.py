@@ -115,14 +115,14 @@ class EchoFormat:
     with_info: bool = False
 
 
-def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
+def echo(address: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
     """Show messages until ``count`` or a signal; return the exit status. Raises EleaError if they do not arrive in
     time.
     """
     name, paths = absolute_name(asked.topic), [parse_path(each) for each in asked.fields]
     wanted = canonical_type(record_by_type(asked.type_name).ROS_TYPE) if asked.type_name else ""
     deadline = None if asked.timeout is None else time.monotonic() + asked.timeout
-    with cli_node(place, "echo") as live:
+    with cli_node(address, "echo") as live:
         name, paths = _split_field(live, name, paths)
         ends = wait_for_topic(live, name, asked.wait)
         expected, latched = wanted or topic_type(ends), is_latched(ends)
@@ -155,8 +155,8 @@ class _Printer:
         self._style, self._paths = style, paths
         self._headed = style.no_header
         self.shown = 0
-        whole = style.full_length or style.as_json or style.as_csv
-        self._most = style.max_elements or (None if whole else MAX_ELEMENTS)
+        untruncated = style.full_length or style.as_json or style.as_csv
+        self._most = style.max_elements or (None if untruncated else MAX_ELEMENTS)
 
     def show(self, sample: ReceivedSample, value: Any) -> None:
         """Write one message, with its metadata if requested."""

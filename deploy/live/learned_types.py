@@ -13,7 +13,7 @@ from services.runtime.interfaces import learn_interfaces
 from services.runtime.subscriber import UntypedSubscriber
 from services.runtime.transport.api import Transport
 
-_PATIENCE_S = 1.0
+_TIMEOUT_S = 1.0
 """Wall time [s] to wait for latched type definitions."""
 
 
@@ -28,12 +28,12 @@ def record_on_network(transport: Transport, type_name: str) -> type[Message] | N
 def learn_types(transport: Transport) -> bool:
     """Learn the types that nodes announce; return False if there are no such nodes."""
     entities = [Entity.parse(each) for each in transport.tokens(token_pattern("pub"))]
-    missing = {each.node for each in entities if each is not None and each.name == INTERFACES.name}
-    if not missing:
+    announcing = {each.node for each in entities if each is not None and each.name == INTERFACES.name}
+    if not announcing:
         return False
-    deadline, read, senders = time.monotonic() + _PATIENCE_S, decoder(INTERFACES.record), set[bytes]()
+    deadline, read, senders = time.monotonic() + _TIMEOUT_S, decoder(INTERFACES.record), set[bytes]()
     listener = UntypedSubscriber(transport, INTERFACES.name, latched=True)
-    while len(senders) < len(missing) and time.monotonic() < deadline:
+    while len(senders) < len(announcing) and time.monotonic() < deadline:
         transport.wait(listener.raw)
         for sample in listener.drain():
             senders.add(sample.origin.publisher if sample.origin is not None else b"")

@@ -66,11 +66,11 @@ class _MeasuredTopic:
     """A topic, its meter, and the samples whose simulation time is not known yet."""
 
     def __init__(
-        self, live: LightNode, name: str, meter: Meter, terms: MeasureOptions, graph: Mapping[str, TopicEndpoints]
+        self, live: LightNode, name: str, meter: Meter, options: MeasureOptions, graph: Mapping[str, TopicEndpoints]
     ) -> None:
-        ends = wait_for_topic(live, name, terms.wait, graph)
+        ends = wait_for_topic(live, name, options.wait, graph)
         latched = is_latched(ends)
-        self.name, self.meter, self._count = name, meter, terms.count
+        self.name, self.meter, self._count = name, meter, options.count
         self.listener = UntypedSubscriber(live.transport, name, latched)
         live.declare_subscription(name, topic_type(ends), "LATCHED" if latched else "SENSOR")
         self._pending: deque[tuple[ReceivedSample, float]] = deque()
@@ -104,18 +104,18 @@ class _MeasuredTopic:
 
 
 def measure(
-    place: NetworkAddress, role: str, names: Sequence[str], make: Callable[[str], Meter], terms: MeasureOptions
+    address: NetworkAddress, role: str, names: Sequence[str], make: Callable[[str], Meter], options: MeasureOptions
 ) -> int:
     """Measure each topic with a meter; return the exit status. Raises EleaError if nothing arrived
     within the timeout.
     """
     wanted = list(dict.fromkeys(absolute_name(each) for each in names))
-    with cli_node(place, role) as live:
+    with cli_node(address, role) as live:
         graph = group_by_topic(snapshot(live.transport))
         clock = ClockSubscriber(live.transport)
-        channels = [_MeasuredTopic(live, name, make(name), terms, graph) for name in wanted]
+        channels = [_MeasuredTopic(live, name, make(name), options, graph) for name in wanted]
         epoch, due = None, time.monotonic() + REPORT_PERIOD_S
-        for _ in spin(live, channels[0].listener.raw, terms.timeout):
+        for _ in spin(live, channels[0].listener.raw, options.timeout):
             clock.update()
             if clock.now is not None and clock.epoch != epoch:
                 if epoch is not None:
@@ -127,18 +127,20 @@ def measure(
                 break
             if time.monotonic() >= due:
                 due += REPORT_PERIOD_S
-                _report(channels, terms.as_json, len(channels) > 1)
+                _report(channels, options.as_json, len(channels) > 1)
         clock.update()
         for each in channels:
             each.update(clock, at_once=True)
-        _report_final(channels, terms)
+        _report_final(channels, options)
         complete = all(each.is_complete for each in channels)
-        if live.stopping and terms.count and not complete:
+        if live.stopping and options.count and not complete:
             return INTERRUPTED
     silent = [each.name for each in channels if not each.meter.received]
-    if terms.timeout is not None and (silent or (terms.count and not complete)):
-        what = f"nothing came on {', '.join(silent)}" if silent else f"fewer than {terms.count} messages came"
-        raise EleaError(f"{what} within {terms.timeout:g} s")
+    if options.timeout is not None and (silent or (options.count and not complete)):
+        what = (
+            f"no message arrived on {', '.join(silent)}" if silent else f"fewer than {options.count} messages arrived"
+        )
+        raise EleaError(f"{what} within {options.timeout:g} s")
     return 0
 
 
@@ -150,11 +152,11 @@ def _report(channels: Sequence[_MeasuredTopic], as_json: bool, named: bool) -> N
             write_text(f"no new messages{f' on {each.name}' if named else ''}\n", flush=True)
 
 
-def _report_final(channels: Sequence[_MeasuredTopic], terms: MeasureOptions) -> None:
+def _report_final(channels: Sequence[_MeasuredTopic], options: MeasureOptions) -> None:
     """Show the final figures of every topic."""
     for each in channels:
         if each.meter.received:
-            _show(each, terms.as_json, len(channels) > 1)
+            _show(each, options.as_json, len(channels) > 1)
 
 
 def _show(channel: _MeasuredTopic, as_json: bool, named: bool) -> None:

@@ -33,9 +33,9 @@ class MessageBuilder:
         self.record = record
         self._decode = decoder(record)
         given = [read_yaml(each) for each in values]
-        whole: Any = given[0] if len(given) == 1 and (isinstance(given[0], dict) or given[0] is None) else given
+        values_tree: Any = given[0] if len(given) == 1 and (isinstance(given[0], dict) or given[0] is None) else given
         try:
-            self._tree = _arrange_record(record, whole, "", stamped)
+            self._tree = _arrange_record(record, values_tree, "", stamped)
             self.needs_clock = _contains_now(self._tree)
         except RecursionError:
             raise BadInput(f"{record.ROS_TYPE}: the values are nested too deeply") from None

@@ -6,7 +6,7 @@ import os
 import re
 import select
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
@@ -36,6 +36,15 @@ def write_json(value: Any, *, lines: bool = False) -> None:
 
     written = msgspec.json.encode(value)
     write_text((written if lines else msgspec.json.format(written, indent=2)).decode() + "\n", flush=lines)
+
+
+def format_table(rows: Iterable[Sequence[str]]) -> str:
+    """Return rows as lines with aligned columns."""
+    table = [tuple(row) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
+    )
 
 
 def write_listing(about: Mapping[str, str], as_json: bool) -> None:

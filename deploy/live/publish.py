@@ -48,14 +48,14 @@ class PublishRequest:
     keep_alive: float = 0.1
 
 
-def publish(place: NetworkAddress, asked: PublishRequest, show: str = "text") -> int:
+def publish(address: NetworkAddress, asked: PublishRequest, show: str = "text") -> int:
     """Publish until ``count`` or a signal; return the exit status.
 
     ``show`` is ``text``, ``json`` or empty. Raises EleaError.
     """
     name = absolute_name(asked.topic)
     # The user is the holder of a stop, not this process, which ends: the user's next command can release it.
-    with cli_node(place, "pub", user_and_host() if known_topic(name) is E_STOP else "") as live:
+    with cli_node(address, "pub", user_and_host() if known_topic(name) is E_STOP else "") as live:
         graph = snapshot(live.transport)
         known = group_by_topic(graph)
         ends = known.get(name, TopicEndpoints(name))
@@ -133,7 +133,8 @@ def _wait_for_subscribers(live: LightNode, output: Publisher[Any], name: str, as
         if output.has_subscribers and asked.min_subscribers == 1:
             break  # a foreign subscriber, which the graph does not show
         if asked.timeout is not None and now - started > asked.timeout:
-            raise EleaError(f"{count} of {asked.min_subscribers} subscribers of {name} came within {asked.timeout:g} s")
+            found = f"{count} of {asked.min_subscribers} subscribers of {name} appeared"
+            raise EleaError(f"{found} within {asked.timeout:g} s")
         if not noted and now - started > 1.0:
             noted = True
             write_note(

@@ -16,6 +16,9 @@ from services.runtime.light_node import LightNode
 from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 from services.runtime.transport.api import Transport
 
+INPUT_COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
+"""The counters of ``InputHealth``, in the order in which they are shown."""
+
 _MAX_CLOCKS = 4096
 """Maximum number of stored clock messages; more than a minute at 50 Hz."""
 
@@ -153,9 +156,9 @@ def collect_heartbeats(live: LightNode, nodes: Collection[str]) -> HeartbeatSubs
     beats, begun = HeartbeatSubscriber(live), time.monotonic()
     for _ in spin(live, beats.raw, HEARTBEAT_TIMEOUT_S * MAX_HEARTBEATS):
         beats.update()
-        sample = beats.latest.keys() & set(nodes)
-        if all(map(beats.is_complete, sample)) and (
-            len(sample) == len(nodes) or time.monotonic() - begun > HEARTBEAT_TIMEOUT_S
+        responded = beats.latest.keys() & set(nodes)
+        if all(map(beats.is_complete, responded)) and (
+            len(responded) == len(nodes) or time.monotonic() - begun > HEARTBEAT_TIMEOUT_S
         ):
             break
     return beats

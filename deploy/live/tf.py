@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from deploy import INTERRUPTED
 from deploy.live.connect import cli_node, spin
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
@@ -94,11 +95,11 @@ class TfMonitor:
         return made
 
 
-def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
+def show_tree(address: NetworkAddress, listen: float, as_json: bool) -> int:
     """Listen for a while [s of wall time], then show the tree; return the exit status. Raises EleaError without any
     frame.
     """
-    with cli_node(place, "tf_tree") as live:
+    with cli_node(address, "tf_tree") as live:
         watch = TfMonitor(live)
         for _ in spin(live, watch.dynamic.raw, listen):
             watch.update()
@@ -187,10 +188,6 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
 
 
-INTERRUPTED = 130
-"""Exit status of a command that was interrupted before the requested number of answers."""
-
-
 @dataclass(frozen=True)
 class TfEchoOptions:
     """Rate [Hz of simulation time], number (0: until Ctrl-C), time to wait for the frames [s of wall time], and output
@@ -203,15 +200,15 @@ class TfEchoOptions:
     as_json: bool
 
 
-def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEchoOptions) -> int:
+def echo_transform(address: NetworkAddress, source: str, target: str, options: TfEchoOptions) -> int:
     """Show the pose of ``target`` in ``source`` until ``count`` or a signal; returns the exit status.
 
     Raises NoTransform when it is not available within ``timeout`` seconds.
     """
-    period, shown, due = round(1e9 / terms.rate), 0, 0
-    with cli_node(place, "tf_echo") as live:
+    period, shown, due = round(1e9 / options.rate), 0, 0
+    with cli_node(address, "tf_echo") as live:
         watch = TfMonitor(live)
-        patience = time.monotonic() + terms.timeout
+        deadline = time.monotonic() + options.timeout
         last_error = ""
         for _ in spin(live, watch.clock.raw):
             watch.update()
@@ -222,19 +219,19 @@ def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEch
             try:
                 found = watch.buffer.lookup(source, target)
             except NoTransform as error:
-                if time.monotonic() > patience:
+                if time.monotonic() > deadline:
                     raise
                 if shown and str(error) != last_error:
                     last_error = str(error)
                     write_note(f"waiting: {last_error}")
                 continue
-            patience = time.monotonic() + terms.timeout
-            _show_transform(source, target, found, watch, terms.as_json)
+            deadline = time.monotonic() + options.timeout
+            _show_transform(source, target, found, watch, options.as_json)
             shown += 1
-            if shown == terms.count:
+            if shown == options.count:
                 return 0
             due = now - now % period + period
-    return INTERRUPTED if terms.count else 0
+    return INTERRUPTED if options.count else 0
 
 
 def _show_transform(source: str, target: str, found: LookupResult, watch: TfMonitor, as_json: bool) -> None:

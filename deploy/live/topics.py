@@ -38,7 +38,7 @@ def absolute_name(name: str) -> str:
     """Return the absolute form of a name typed with or without its first slash; raises BadInput."""
     try:
         if name.startswith("~"):
-            raise BadName(f"{name!r} is private to a node: write its whole name, as /tb3_0/waypoint/parameter_updates")
+            raise BadName(f"{name!r} is private to a node: write its full name, e.g. /tb3_0/waypoint/parameter_updates")
         return resolve(name, "/", "")
     except BadName as error:
         raise BadInput(str(error)) from None
@@ -59,7 +59,7 @@ def group_by_topic(graph: Iterable[Entity]) -> dict[str, TopicEndpoints]:
 def not_found(kind: str, name: str, known: Iterable[str], advice: str) -> BadInput:
     """Return the error for a topic, node or service that is not on the network, with advice."""
     names = sorted(known)
-    hint = did_you_mean(name, names) or ("." if names else ": there are none at all; is a fleet up?")
+    hint = did_you_mean(name, names) or ("" if names else ": there are none at all; is a fleet running?")
     return BadInput(f"no {kind} {name} is on the network{hint} ({advice})")
 
 

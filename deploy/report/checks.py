@@ -120,7 +120,7 @@ def is_service_check(check: Check) -> bool:
 def unknown_node_notes(nodes: Iterable[str]) -> tuple[str, ...]:
     """Return the note on nodes whose checks do not count."""
     listed = ", ".join(sorted(nodes))
-    return (f"checks of nodes that are no processes of the fleet are not counted: {listed}",) if listed else ()
+    return (f"checks published by nodes outside the fleet are not counted: {listed}",) if listed else ()
 
 
 def _service_check(name: str, stated: Stated) -> Iterator[Check]:

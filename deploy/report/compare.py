@@ -8,7 +8,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from deploy.report.load import read_report, read_trails
+from deploy.report.load import read_trails
+from deploy.report.record import read_report
 from deploy.report.write import read_measurements
 from services.bag.compare import PLACE_PARAMETERS, BagComparison, compare_bags
 from services.bag.info import lost_messages
@@ -86,9 +87,9 @@ def compare_runs(left: Path, right: Path, bag_folder: str = "bag") -> RunCompari
         notes = _bag_notes(bags, not same)
         return RunComparison(same=same, left=str(left), right=str(right), messages=found, notes=tuple(notes))
     if not all(graded):
-        odd = sides[graded.index(False)]
+        ungraded = sides[graded.index(False)]
         raise BadInput(
-            f"{odd} has no {MEASUREMENTS_FILE}: expected the folder of a run that has ended, as the other is"
+            f"{ungraded} has no {MEASUREMENTS_FILE}: expected the folder of a run that has ended, like the other"
         )
     one, other = (read_measurements(each) for each in sides)
     trajectory = _first_trajectory_difference(left, one, right, other)
@@ -103,8 +104,8 @@ def compare_runs(left: Path, right: Path, bag_folder: str = "bag") -> RunCompari
     hashes = (one.trajectory_hash, other.trajectory_hash)
     if hashes[0] != hashes[1] and trajectory is None:
         notes.append(
-            f"the hashes differ, but not what {TRAJECTORIES_FILE} keeps: it has no height, roll and pitch, and of long "
-            "runs not every sample"
+            f"the hashes differ, but {TRAJECTORIES_FILE} does not: it has no height, roll and pitch, and not every "
+            "sample of a long run"
         )
     same = hashes[0] == hashes[1] and trajectory is None and (messages is None or messages.difference is None)
     return RunComparison(

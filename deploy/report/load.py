@@ -18,11 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
-import msgspec
 import numpy as np
 
-from deploy.report.record import REPORT_FILE, Report
-from messages.base import DECODE_ERRORS, WrongPayload
+from deploy.report.record import REPORT_FILE, Report, read_report
+from messages.base import WrongPayload
 from services.bag.csv_export import MAX_COLUMNS, flatten
 from services.bag.reader import Bag, open_bag, plain_decoder
 from services.grader.records import ARM_TRAIL_COLUMNS, ROBOT_TRAIL_COLUMNS, TRAJECTORIES_FILE
@@ -142,14 +141,6 @@ def load(folder: str | Path) -> Run:
         trails={name: _trail(arrays[f"{name}.trail"]) for name in robots},
         paths={name: arrays[f"{name}.path"] for name in robots if f"{name}.path" in arrays},
     )
-
-
-def read_report(folder: Path) -> Report | None:
-    """Return the report of a run; None if it is missing or unreadable."""
-    try:
-        return msgspec.json.decode((folder / REPORT_FILE).read_bytes(), type=Report)
-    except (OSError, *DECODE_ERRORS):
-        return None
 
 
 def read_trails(folder: Path) -> dict[str, np.ndarray]:

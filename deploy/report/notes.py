@@ -11,12 +11,13 @@ from messages.se2 import Twist2
 from models.model import read_model
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
+from services.runtime.step import STEP_S
 from services.sim.drive.config import NO_TIMEOUT, DriveConfig, odometry_config, robot_config
 from services.sim.drive.driver import AT_REST, Drive, commanded_velocity, step_drive
 from services.sim.drive.odometry_error import NO_ERROR, draw_errors, odometry_error
 from services.sim.parameters import BaseParameters
 from services.square import SquareParameters
-from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun, predict
+from services.square.tutorial import ANGLE_THRESHOLD, BaseStep, overrun, predict
 
 
 def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
@@ -48,10 +49,10 @@ def _odometry_notes(fleet: Fleet) -> list[str]:
     if not parts:
         return []
     rest = len(parts) - MAX_NAMED_ROBOTS
-    named = "; ".join(parts[:MAX_NAMED_ROBOTS]) + (f"; and {rest} more" if rest > 0 else "")
+    listed = "; ".join(parts[:MAX_NAMED_ROBOTS]) + (f"; and {rest} more" if rest > 0 else "")
     return [
         "Odometry drifts as on a real robot, because the wheels differ from what it assumes "
-        f"(seed {fleet.run.seed}): {named}. odometry_error = 0 turns this off."
+        f"(seed {fleet.run.seed}): {listed}. odometry_error = 0 turns this off."
     ]
 
 
@@ -97,8 +98,8 @@ def _tutorial_note(robot: RobotConfig, p: SquareParameters) -> str:
     return (
         f"{robot.name} drives by the tutorial's law, which is inaccurate by design. Ten times a second it acts on a "
         f"pose up to 0.1 s old; it ends a turn {math.degrees(ANGLE_THRESHOLD):.1f} deg early, but the base "
-        f"turns on by {math.degrees(overrun(_ideal_base(drive), p.angular_speed)):.1f} deg and what the delay adds; "
-        "the next side counts from the place, and the next turn from the heading, at which it happens to be: "
+        f"overshoots by {math.degrees(overrun(_ideal_base(drive), p.angular_speed)):.1f} deg plus what the delay adds; "
+        "the next side starts from the position, and the next turn from the heading, that this leaves: "
         "the errors add up. "
         f"On a base without any slip {outcome}."
     )
@@ -137,9 +138,8 @@ def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
         parts.append(f"the simulation fell behind by {run.lag_s:.1f} s in all")
     if run.ticks_missed:
         worst = sorted(run.ticks_missed.items(), key=lambda each: -each[1])
-        named = ", ".join(f"{node} {missed}" for node, missed in worst[:MAX_NAMED_NODES])
-        rest = len(worst) - MAX_NAMED_NODES
-        parts.append(f"ticks were missed by {named}{f' and {rest} more' if rest > 0 else ''}")
+        missed = named([f"{node} {count}" for node, count in worst], MAX_NAMED_NODES)
+        parts.append(f"ticks were missed by {missed}")
     return (
         f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. Missed bounds may "
         "be due to that: stop other programs, use a lower --factor, or --mode lockstep, which waits.",

@@ -55,29 +55,35 @@ def measured_arms(report: Report, arrays: Trails) -> dict[str, ArmFigures]:
 
 
 def draw_arms(
-    near: Any, over_time: tuple[Any, Any, Any], arms: dict[str, ArmFigures], arrays: Trails, line: dict[str, LineStyle]
+    step_axes: Any,
+    over_time: tuple[Any, Any, Any],
+    arms: dict[str, ArmFigures],
+    arrays: Trails,
+    line: dict[str, LineStyle],
 ) -> None:
-    """Draw the largest steps into ``near``, unless it is None, and angle, error and effort over time into the other
-    axes.
+    """Draw the largest steps into ``step_axes``, unless it is None, and angle, error and effort over time into the
+    other axes.
     """
     angle, error, effort = over_time
     error.sharex(angle)
     effort.sharex(angle)
     for name, figures in arms.items():
         trail, drawn, label = arrays[f"{name}.trail"], line[name].plot_options, shorten_name(name)
-        time = _armbase_column(trail, "time")
-        wanted, held = _armbase_column(trail, "reference"), {"drawstyle": "steps-post"}
-        angle.plot(time, wanted, color=FAINT, lw=3.4, alpha=0.6, label=_arm_label("reference", label, arms), **held)
-        angle.plot(time, _armbase_column(trail, "angle"), **drawn, label=label)
-        error.plot(time, _armbase_column(trail, "error"), **drawn, label=_tracking_label(label, figures))
-        effort.plot(time, _armbase_column(trail, "effort"), **drawn, **held, label=_effort_label(label, figures))
-        if near is not None and figures.steps:
+        time = _arm_column(trail, "time")
+        reference, stepwise = _arm_column(trail, "reference"), {"drawstyle": "steps-post"}
+        angle.plot(
+            time, reference, color=FAINT, lw=3.4, alpha=0.6, label=_arm_label("reference", label, arms), **stepwise
+        )
+        angle.plot(time, _arm_column(trail, "angle"), **drawn, label=label)
+        error.plot(time, _arm_column(trail, "error"), **drawn, label=_tracking_label(label, figures))
+        effort.plot(time, _arm_column(trail, "effort"), **drawn, **stepwise, label=_effort_label(label, figures))
+        if step_axes is not None and figures.steps:
             largest = max(figures.steps, key=lambda each: abs(each.to_deg - each.from_deg))
-            _draw_step(near, trail, largest, drawn, label)
+            _draw_step(step_axes, trail, largest, drawn, label)
     _limit_error_axis(error, arms)
-    if near is not None:
-        style_axes(near, "Arm: largest step", "time since the step [s]", "angle [deg]")
-        near.legend(loc="lower right", fontsize=8, frameon=False, labelcolor=INK)
+    if step_axes is not None:
+        style_axes(step_axes, "Arm: largest step", "time since the step [s]", "angle [deg]")
+        step_axes.legend(loc="lower right", fontsize=8, frameon=False, labelcolor=INK)
     style_axes(angle, "Arm: reference and true angle", "simulation time [s]", "angle [deg]")
     style_axes(error, "Error, cut off at steps", "simulation time [s]", "error [deg]")
     style_axes(effort, "Effort", "simulation time [s]", "effort [N m]")
@@ -92,7 +98,7 @@ def _arm_label(what: str, name: str, arms: dict[str, ArmFigures]) -> str:
     return what if len(arms) == 1 else f"{name}: {what}"
 
 
-def _armbase_column(trail: np.ndarray, name: str) -> np.ndarray:
+def _arm_column(trail: np.ndarray, name: str) -> np.ndarray:
     column: np.ndarray = trail[:, ARM_TRAIL_COLUMNS.index(name)]
     return column
 
@@ -100,23 +106,23 @@ def _armbase_column(trail: np.ndarray, name: str) -> np.ndarray:
 def _limit_error_axis(axes: Any, arms: dict[str, ArmFigures]) -> None:
     """Limit the error axis: a step's initial error is as large as the step, and what matters is a hundredth of that."""
     figures = (each for arm in arms.values() for each in (arm.tracking_max_deg, arm.step_steady_error_deg))
-    if worth := [each for each in figures if each is not None]:
-        reach = max(0.05, 1.6 * max(worth))
+    if errors := [each for each in figures if each is not None]:
+        reach = max(0.05, 1.6 * max(errors))
         axes.set_ylim(-reach, reach)
 
 
 def _draw_step(axes: Any, trail: np.ndarray, step: StepFigures, drawn: dict[str, Any], name: str) -> None:
-    since = _armbase_column(trail, "time") - step.at_s
+    since = _arm_column(trail, "time") - step.at_s
     shown = (since >= -STEP_CLOSE_UP_S / 10) & (since <= STEP_CLOSE_UP_S)
-    axes.step(since[shown], _armbase_column(trail, "reference")[shown], where="post", color=FAINT, lw=2.4, alpha=0.7)
+    axes.step(since[shown], _arm_column(trail, "reference")[shown], where="post", color=FAINT, lw=2.4, alpha=0.7)
     label = (
         f"{name}: {format_fixed(step.final_deg, 2)} deg, rise {1000 * step.rise_s:.0f} ms,\n"
         f"overshoot {step.overshoot_percent:.2f} %, settled in {1000 * step.settling_s:.0f} ms"
     )
-    axes.plot(since[shown], _armbase_column(trail, "angle")[shown], **drawn, marker=".", ms=3, label=label)
-    start, way = step.from_deg, step.final_deg - step.from_deg
+    axes.plot(since[shown], _arm_column(trail, "angle")[shown], **drawn, marker=".", ms=3, label=label)
+    start, change = step.from_deg, step.final_deg - step.from_deg
     for share in (0.1, 0.9):
-        axes.axhline(start + share * way, color=INK, lw=0.6, ls=(0, (1, 4)))
+        axes.axhline(start + share * change, color=INK, lw=0.6, ls=(0, (1, 4)))
     axes.axvline(step.settling_s, color=INK, lw=0.6, ls=(0, (1, 4)))
 
 
@@ -145,9 +151,9 @@ def render_png(report: Report, trajectories: Path) -> bytes:
     canvas: Any = draw_figure(report, trajectories).canvas
     out = BytesIO()
     canvas.draw()
-    whole = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     # Not with optimize=True: that takes seven times as long for a twentieth fewer bytes.
-    whole.quantize(PALETTE_SIZE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(out, "PNG")
+    image.quantize(PALETTE_SIZE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(out, "PNG")
     return out.getvalue()
 
 
@@ -166,8 +172,8 @@ def draw_figure(report: Report, trajectories: Path) -> Figure:
         bottom = ((ARM_HEIGHT if arms else 0.0) + (0.5 if many else 0.874)) / height
         (draw_many if many else _draw_bases)(figure, bottom, report, driving, arrays)
     if arms:
-        near, *rest = _arm_axes(figure, bool(driving), any(each.steps for each in arms.values()))
-        draw_arms(near, (rest[0], rest[1], rest[2]), arms, arrays, coloured_line_styles(arms, report.robots))
+        step_axes, *rest = _arm_axes(figure, bool(driving), any(each.steps for each in arms.values()))
+        draw_arms(step_axes, (rest[0], rest[1], rest[2]), arms, arrays, coloured_line_styles(arms, report.robots))
     if not driving and not arms:
         figure.text(0.055, 0.2, "Nothing was measured: no robot was seen.", fontsize=11, color=INK)
     _draw_header(figure, report)

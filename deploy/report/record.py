@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from messages.base import DECODE_ERRORS
+from messages.errors import list_names
 from messages.parameters import Origin, Value
 from services.grader.records import EndReason, Figures, Measurements
 
@@ -31,7 +33,7 @@ class EffectiveParameter(msgspec.Struct, frozen=True, kw_only=True):
     """A parameter at the end of the run."""
 
     value: Annotated[Value, _text("its value")]
-    origin: Annotated[Origin, _text("its source; run: set during this run, for it only")]
+    origin: Annotated[Origin, _text("its source; run: set for this run only, while it ran")]
 
 
 class ChangeFigures(msgspec.Struct, frozen=True, kw_only=True):
@@ -72,7 +74,10 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
 
     fleet: Annotated[str, _text("name of the fleet")]
     mode: Annotated[str, _text("lockstep or real; free in reports of earlier versions")]
-    ended: Annotated[EndReason, _text("goals: all robots finished; duration: time was up; stopped: from outside")]
+    ended: Annotated[
+        EndReason,
+        _text("goals: all robots finished; duration: the time limit was reached; stopped: stopped from outside"),
+    ]
     started: Annotated[str, _text("wall-clock time of the start, ISO 8601; empty when not known")]
     sim_seconds: Annotated[float, _positive("simulation time measured", "s")]
     wall_seconds: Annotated[float, _positive("wall time that it took", "s")]
@@ -80,23 +85,30 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
     seed: Annotated[int, _text("random seed of the run")]
     version: Annotated[str, _text("version of Elea")]
     trajectory_hash: Annotated[str, _text("SHA-256 over all ground-truth samples of all robots, hexadecimal")]
-    messages_lost: Annotated[int, _positive("messages that the fleet's processes missed, by the gaps in their numbers")]
+    messages_lost: Annotated[
+        int,
+        _positive("messages that the fleet's processes missed, from gaps in the sequence numbers"),
+    ]
     onlookers_lost: Annotated[
         dict[str, Annotated[int, Meta(ge=1)]],
-        _text("the same of each node on which no run depends, as panels and tools; those that missed none left out"),
+        _text(
+            "messages missed by each node on which the run does not depend, e.g. panels and tools; nodes that missed "
+            "none are left out"
+        ),
     ]
     restarts: Annotated[int, _positive("processes restarted during the run")]
     members_lost: (
         Annotated[
             int,
             _positive(
-                "nodes that lockstep went on without, as they ended, did not answer or never came; null without it"
+                "nodes that lockstep continued without because they exited, did not answer or never joined; null "
+                "without lockstep"
             ),
         ]
         | None
     ) = None
     members_left: Annotated[int, _positive("nodes that left lockstep before the end")] = 0
-    changes_missed: Annotated[int, _positive("scheduled changes whose time came and that were not made")] = 0
+    changes_missed: Annotated[int, _positive("scheduled changes that were due but not made")] = 0
     nodes_absent: Annotated[int, _positive("nodes of the fleet that were not ready when time began")] = 0
     absent: Annotated[tuple[str, ...], _text("these nodes")] = ()
     engine: Annotated[str, _text("physics engine; empty in reports of earlier versions and without a simulation")] = ""
@@ -121,22 +133,22 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
 
     name: Annotated[
         str,
-        _text(
-            "the figure: its key, behind the robot's name and a dot if it is a robot's; of a service's own check, its "
-            "name behind the node's and a dot"
-        ),
+        _text("KEY for a figure of the run, ROBOT.KEY for one of a robot, NODE.NAME for a service's own check"),
     ]
     value: Annotated[float | int | None, _text("the measured value, in the unit of the key; null when not measured")]
-    kind: Annotated[Literal["min", "max"], _text("whether the bound is the least or the largest good value")]
+    kind: Annotated[Literal["min", "max"], _text("whether the bound is a minimum or a maximum")]
     bound: Annotated[float | int, _text("the bound, in the unit of the key")]
     ok: bool
-    reason: Annotated[str, _text("what a service says of a check of its own; else empty")] = ""
+    reason: Annotated[str, _text("reason given by the service for a check of its own; else empty")] = ""
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
     """report.json."""
 
-    schema: Annotated[Literal[1], _text("version of this layout; it grows when a key changes its meaning or goes")]
+    schema: Annotated[
+        Literal[1],
+        _text("version of this layout; incremented when a key changes its meaning or is removed"),
+    ]
     ok: Annotated[bool, _text("whether every check holds")]
     run: RunFigures
     robots: dict[str, Figures]
@@ -145,8 +157,19 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
         dict[str, dict[str, EffectiveParameter]],
         _text("live parameters that are not at their defaults, by set and name"),
     ]
-    notes: Annotated[tuple[str, ...], _text("errors by design, of the configuration or the machine, and why, in words")]
+    notes: Annotated[
+        tuple[str, ...],
+        _text("notes on deliberate errors, the configuration and the machine, in words"),
+    ]
     changes: Annotated[tuple[ChangeFigures, ...], _text("the scheduled changes, in the order of their times")] = ()
+
+
+def read_report(folder: Path) -> Report | None:
+    """Return the report of a run; None if it is missing or unreadable."""
+    try:
+        return msgspec.json.decode((folder / REPORT_FILE).read_bytes(), type=Report)
+    except (OSError, *DECODE_ERRORS):
+        return None
 
 
 def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
@@ -185,8 +208,7 @@ MAX_NAMED = 10
 
 def named(names: Sequence[str], most: int = 3) -> str:
     """Return the first ``most`` names, and the number of further ones."""
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
+    return list_names(names, most)
 
 
 def member_notes(facts: RunFacts, measured: Measurements) -> tuple[str, ...]:

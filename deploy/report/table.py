@@ -232,7 +232,7 @@ def arm_lines(robots: Mapping[str, Figures]) -> list[str]:
             )
         if each.tracking_rms_deg is not None:
             most = _number(each.tracking_max_deg, 1, 3)
-            lines.append(f"{name}: in motion off by {each.tracking_rms_deg:.3f} deg rms, {most} deg at most")
+            lines.append(f"{name}: error in motion {each.tracking_rms_deg:.3f} deg rms, {most} deg at most")
         lines.append(
             f"{name}: at most {_number(each.effort_max_nm, 1, 1)} N m, saturated for {each.saturated_s:.2f} s "
             f"({100 * each.saturated_share:.1f} %), {each.messages_lost} messages lost"

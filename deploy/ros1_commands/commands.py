@@ -19,10 +19,10 @@ TOOLS = ROOT / "services" / "ros1" / "command_line"
 ROSCORE = Path(__file__).parent / "roscore.toml"
 
 NOTHING_TO_BUILD = (
-    "nothing must be built: programs, launch files and message definitions are used as they lie on disk; there is no "
+    "nothing needs to be built: programs, launch files and message definitions are used in place; there is no "
     "devel/setup.bash to source either"
 )
-_NO_DEPENDENCIES = "nothing must be installed for ROS: what Elea provides is there"
+_NO_DEPENDENCIES = "nothing needs to be installed: Elea brings its own ROS packages"
 _PACKAGE_XML = """<?xml version="1.0"?>
 <package format="2">
   <name>{name}</name>
@@ -66,9 +66,11 @@ def _tool(name: str, *words: str, network: bool = True) -> NoReturn:
         )
     if network and several:
         choices = ", ".join(f"http://localhost:{each.port} ({each.fleet})" for each in fleets)
-        raise BadInput(f"several fleets are running: choose one by export ROS_MASTER_URI=…, which is one of {choices}")
-    place = resolve_address(port=port).arguments if fleets and not several else []
-    _python("-m", "services.script", "--wall-time", *place, str(TOOLS / f"{name}_command.py"), *words)
+        raise BadInput(
+            f"several fleets are running: choose one with export ROS_MASTER_URI=URL, URL being one of {choices}"
+        )
+    address = resolve_address(port=port).arguments if fleets and not several else []
+    _python("-m", "services.script", "--wall-time", *address, str(TOOLS / f"{name}_command.py"), *words)
 
 
 def _chosen_port() -> int | None:
@@ -150,7 +152,7 @@ def _rospack(words: list[str]) -> int:
         lines = (name if command == "list-names" else f"{name} {folder}" for name, folder in packages.items())
         sys.stdout.write("".join(f"{line}\n" for line in lines))
     elif command == "profile":
-        sys.stdout.write("packages are found as they lie on disk: there is no index\n")
+        sys.stdout.write("packages are read from disk directly: there is no index\n")
     else:
         raise unknown_name("command of rospack", command, ("find", "list", "list-names"))
     return 0
@@ -168,7 +170,9 @@ def _create_package(words: list[str]) -> int:
     """Create a folder with a package.xml, as catkin_create_pkg does."""
     names = [each for each in words if not each.startswith("-")]
     if not names or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", names[0]):
-        raise BadInput("catkin_create_pkg NAME [DEPENDENCY]... makes the folder of a package")
+        raise BadInput(
+            "usage: catkin_create_pkg NAME [DEPENDENCY]...; NAME has letters, digits, '_' and '-', a letter first"
+        )
     folder = Path(names[0])
     if folder.exists():
         raise BadInput(f"{folder} exists already")

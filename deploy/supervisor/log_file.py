@@ -57,9 +57,19 @@ def start_log_writer(
 def append_note(path: Path, text: str) -> None:
     """Append a line of the supervisor; a disk that refuses it must not end the fleet."""
     try:
-        _append(path, f"{NOTE}{text}\n".encode())
+        _append(path, f"{_missing_line_break(path)}{NOTE}{text}\n".encode())
     except OSError:
         return
+
+
+def _missing_line_break(path: Path) -> str:
+    """Return a line break if the last line of a log is incomplete, else nothing."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-1, os.SEEK_END)
+            return "" if file.read(1) == b"\n" else "\n"
+    except OSError:  # there is no log yet, or it is empty
+        return ""
 
 
 def last_line(path: Path) -> str:

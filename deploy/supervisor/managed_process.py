@@ -146,7 +146,7 @@ class ManagedProcess:
             whose = f" of {node}" if len(self.spec.nodes) > 1 else ""
             self._hang_reason = f"no heartbeat{whose} for {heartbeat.silence(now):.1f} s"
             if heartbeat.cpu_wait_s > _REPORTED_CPU_WAIT_S:
-                self._hang_reason += f", {heartbeat.cpu_wait_s:.1f} s of them in wait for a processor"
+                self._hang_reason += f", of which it waited {heartbeat.cpu_wait_s:.1f} s for a processor"
             self._child.signal(signal.SIGKILL)
 
     def starved_for(self, now: float) -> float:
@@ -241,7 +241,7 @@ class ManagedProcess:
                 case Failed(reason):
                     return self._set_state("failed", f"{self._hang_reason}: {reason}" if self._hang_reason else reason)
                 case Restart(pause):
-                    self._set_state("backing off", f"{how}; again in {pause:.2f} s")
+                    self._set_state("backing off", f"{how}; restarting in {pause:.2f} s")
                     await asyncio.sleep(pause)
                     self.restarts.append(time.monotonic())
                     self._set_state("waiting")

@@ -38,11 +38,11 @@ class RunMonitor:
         self._statuses: dict[bytes, SimStatus] = {}
         self._reported: set[str] = set()
 
-    def on_scheduled_changes(self, news: ScheduledChanges) -> None:
+    def on_scheduled_changes(self, report: ScheduledChanges) -> None:
         """Add a report of the parameter service. A restarted one reports only since its start."""
-        if news.epoch != self._epoch:
-            self._epoch, self._changes = news.epoch, {}
-        for each in news.changes:
+        if report.epoch != self._epoch:
+            self._epoch, self._changes = report.epoch, {}
+        for each in report.changes:
             known = self._changes.get(each.number)
             if known is None or known.made:
                 self._changes[each.number] = each
@@ -118,20 +118,20 @@ class SupervisorNode:
     def __init__(self, node: Node, sets: Iterable[str] = (), members: Iterable[str] = ()) -> None:
         self._node, self._members = node, frozenset(members)
         self._own: dict[str, tuple[Check, ...]] = {}
-        self._strangers: set[str] = set()
+        self._unknown_nodes: set[str] = set()
         self._checks = node.subscribe(CHECKS)
         self._sets = {name: node.subscribe(UPDATES, f"{name}/parameter_updates") for name in sets}
         self._parameters: dict[str, ParameterValues] = {}
         self._schedule, self._status = node.subscribe(SCHEDULE), node.subscribe(SIM_STATUS)
-        self._conduct = RunMonitor()
+        self._monitor = RunMonitor()
         self._health = node.subscribe(HEALTH)
         self._state = node.advertise(FLEET_STATE)
-        self._carry_out: ActionHandler | None = None
-        self._asked: PendingReplies | None = None
+        self._action_handler: ActionHandler | None = None
+        self._pending_query: PendingReplies | None = None
         self._answered = self._flood = -RECENT_S
-        verbs: tuple[ProcessAction, ...] = ("start", "stop", "restart")
-        for verb in verbs:
-            node.serve(_REQUESTS[verb], partial(self._handle_action, verb))
+        actions: tuple[ProcessAction, ...] = ("start", "stop", "restart")
+        for action in actions:
+            node.serve(_REQUESTS[action], partial(self._handle_action, action))
         node.heartbeat.state = "running"
 
     def heartbeats(self) -> Sequence[Health]:
@@ -148,10 +148,10 @@ class SupervisorNode:
         return time.monotonic() - self._flood < RECENT_S
 
     def router_answers(self) -> bool:
-        if self._asked is None:
-            self._asked = self._node.transport.query_async(DIRECTORY_KEY, b"", ROUTER_TIMEOUT_S)
-        elif (replies := self._asked.poll()) is not None:
-            self._asked = None
+        if self._pending_query is None:
+            self._pending_query = self._node.transport.query_async(DIRECTORY_KEY, b"", ROUTER_TIMEOUT_S)
+        elif (replies := self._pending_query.poll()) is not None:
+            self._pending_query = None
             if any(each.ok for each in replies):
                 self._answered = time.monotonic()
         return time.monotonic() - self._answered < RECENT_S
@@ -168,11 +168,11 @@ class SupervisorNode:
         """Return the reports of the simulation and the parameter service about the run."""
         self._schedule.update()
         for changes, _ in self._schedule.messages:
-            self._conduct.on_scheduled_changes(changes)
+            self._monitor.on_scheduled_changes(changes)
         self._status.update()
         for status, origin in self._status.messages:
-            self._conduct.on_sim_status(b"" if origin is None else origin.publisher, status)
-        return self._conduct
+            self._monitor.on_sim_status(b"" if origin is None else origin.publisher, status)
+        return self._monitor
 
     def checks(self) -> Mapping[str, tuple[Check, ...]]:
         """Return the last checks that the fleet's nodes have published, by node."""
@@ -180,14 +180,14 @@ class SupervisorNode:
         for report, _ in self._checks.messages:
             if report.node in self._members:
                 self._own[report.node] = report.checks
-            elif len(self._strangers) < _MAX_UNKNOWN_NODES:
-                self._strangers.add(report.node)
+            elif len(self._unknown_nodes) < _MAX_UNKNOWN_NODES:
+                self._unknown_nodes.add(report.node)
         return self._own
 
     @property
     def unknown_nodes(self) -> frozenset[str]:
         """Nodes that have published checks but belong to no process of the fleet."""
-        return frozenset(self._strangers)
+        return frozenset(self._unknown_nodes)
 
     def drain(self) -> None:
         """Wait for the last messages of nodes that have just ended: their tokens vanish after them,
@@ -203,14 +203,14 @@ class SupervisorNode:
     def publish(self, state: FleetState) -> None:
         self._state.publish(state)
 
-    def answer_requests(self, carry_out: ActionHandler) -> bool:
-        self._carry_out = carry_out
+    def answer_requests(self, handle_action: ActionHandler) -> bool:
+        self._action_handler = handle_action
         self._node.spin_once()
         return any(each.waiting for each in self._node.request_server.served)
 
-    def _handle_action(self, verb: ProcessAction, name: Name) -> Done:
-        assert self._carry_out is not None
-        return Done(text=self._carry_out(verb, name.name))
+    def _handle_action(self, action: ProcessAction, name: Name) -> Done:
+        assert self._action_handler is not None
+        return Done(text=self._action_handler(action, name.name))
 
 
 @contextmanager

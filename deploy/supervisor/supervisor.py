@@ -19,7 +19,7 @@ from deploy.supervisor.managed_process import STOP_TIMEOUTS_S, ManagedProcess, T
 from deploy.supervisor.spawner import Spawner
 from messages.elea import FleetState, Health
 from services.catalog import is_script
-from services.runtime.errors import BadInput, unknown_name
+from services.runtime.errors import BadInput, list_names, unknown_name
 
 ProcessAction = Literal["start", "stop", "restart"]
 
@@ -92,7 +92,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 class SupervisorObserver(Protocol):
     """An observer of the fleet's state; called from the supervisor's loop at every change."""
 
-    def on_state_change(self, life: ManagedProcess, fleet: FleetState) -> None:
+    def on_state_change(self, process: ManagedProcess, fleet: FleetState) -> None:
         """Handle a process's change of state."""
         ...
 
@@ -100,7 +100,7 @@ class SupervisorObserver(Protocol):
         """Handle the start or end of a problem that affects the supervision of all processes."""
         ...
 
-    def on_poll(self, lives: Sequence[ManagedProcess]) -> None:
+    def on_poll(self, processes: Sequence[ManagedProcess]) -> None:
         """Handle the end of a check of heartbeats and requests."""
         ...
 
@@ -143,31 +143,35 @@ class Supervisor:
         self._clock_start = time.monotonic()
         try:
             self._start_task(self._watch, "watch")
-            for life in self.processes.values():
-                self._start(life)
+            for process in self.processes.values():
+                self._start(process)
             ended, reason = await self._end
             wall = time.monotonic() - self._clock_start
             await self._stop_all()
         finally:
             self.kill_all()
             await self._cancel(self._tasks)
-        restarts = sum(len(life.restarts) for life in self.processes.values())
+        restarts = sum(len(process.restarts) for process in self.processes.values())
         # A ROS 1 program that is asked to stop often exits with the exception that its wait or call raises.
-        complaints = tuple(
-            name for name, life in self.processes.items() if life.failed_on_stop and not is_script(life.spec.kind)
+        failed_on_stop = tuple(
+            name
+            for name, process in self.processes.items()
+            if process.failed_on_stop and not is_script(process.spec.kind)
         )
         return Outcome(
             ended=ended,
             reason=reason,
             wall_seconds=wall,
             restarts=restarts,
-            failed_on_stop=complaints,
-            failed_nodes=tuple(name for life in self.processes.values() if life.failed for name in life.spec.names),
+            failed_on_stop=failed_on_stop,
+            failed_nodes=tuple(
+                name for process in self.processes.values() if process.failed for name in process.spec.names
+            ),
             containers_lost=tuple(
-                f"the process {name} of {', '.join(life.spec.names)} has ended: {why}"
-                for name, life in self.processes.items()
-                if len(life.spec.nodes) > 1
-                for why in life.losses
+                f"the process {name} of {', '.join(process.spec.names)} has ended: {why}"
+                for name, process in self.processes.items()
+                if len(process.spec.nodes) > 1
+                for why in process.losses
             ),
         )
 
@@ -179,49 +183,49 @@ class Supervisor:
 
     def kill_all(self) -> None:
         """Kill all processes that are left."""
-        for life in self.processes.values():
-            life.kill()
+        for process in self.processes.values():
+            process.kill()
 
     def state(self) -> FleetState:
         """Return the state of the fleet as published."""
-        processes = tuple(life.state_message() for life in self.processes.values())
+        processes = tuple(process.state_message() for process in self.processes.values())
         return FleetState(fleet=self._fleet, mode=self._mode, processes=processes, note=self._note)
 
-    def handle_action(self, verb: ProcessAction, name: str) -> str:
+    def handle_action(self, action: ProcessAction, name: str) -> str:
         """Begin an action and return a description of it; raises BadInput.
 
         A process has one pending action at a time; only a restart may be followed by a stop.
         """
-        life = self.processes.get(name.removeprefix("/")) or self._nodes.get(f"/{name.removeprefix('/')}")
-        if life is None:
+        process = self.processes.get(name.removeprefix("/")) or self._nodes.get(f"/{name.removeprefix('/')}")
+        if process is None:
             raise unknown_name("process", name, dict.fromkeys([*self.processes, *(node[1:] for node in self._nodes)]))
         if self._stopping:
             raise BadInput("the fleet is stopping")
-        under_way = self._pending_actions(life)
-        if under_way and (verb, under_way) != ("stop", ["restart"]):
-            raise BadInput(f"{_title(life, name)} is being {_PARTICIPLES[under_way[-1]]}: try again when that is done")
-        if verb == "start" and life.is_running:
-            raise BadInput(f"{_title(life, name)} is already running ({life.state})")
-        if verb == "start":
-            self._start(life)
-            return f"{_title(life, name)} starts"
-        if verb == "stop" and not life.is_running and not under_way:
-            raise BadInput(f"{_title(life, name)} is not running ({life.state})")
-        work = partial(self._restart if verb == "restart" else self._stop, life)
-        order = self._start_task(work, f"{verb} {life.spec.name}")
-        self._actions[order] = verb, life
-        order.add_done_callback(self._actions.pop)
-        return f"{_title(life, name)} {verb}s"
+        pending = self._pending_actions(process)
+        if pending and (action, pending) != ("stop", ["restart"]):
+            raise BadInput(f"{_title(process, name)} is being {_PARTICIPLES[pending[-1]]}: try again when that is done")
+        if action == "start" and process.is_running:
+            raise BadInput(f"{_title(process, name)} is already running ({process.state})")
+        if action == "start":
+            self._start(process)
+            return f"{_title(process, name)} starts"
+        if action == "stop" and not process.is_running and not pending:
+            raise BadInput(f"{_title(process, name)} is not running ({process.state})")
+        work = partial(self._restart if action == "restart" else self._stop, process)
+        task = self._start_task(work, f"{action} {process.spec.name}")
+        self._actions[task] = action, process
+        task.add_done_callback(self._actions.pop)
+        return f"{_title(process, name)} {action}s"
 
     def is_busy(self, name: str) -> bool:
         """Return whether an action on a process is pending."""
         return bool(self._pending_actions(self.processes[name]))
 
-    def _pending_actions(self, life: ManagedProcess) -> list[ProcessAction]:
-        return [order for order, of in self._actions.values() if of is life]
+    def _pending_actions(self, process: ManagedProcess) -> list[ProcessAction]:
+        return [action for action, of in self._actions.values() if of is process]
 
-    def _start(self, life: ManagedProcess) -> None:
-        life.start(self._start_task, [self.processes[need] for need in life.spec.depends_on])
+    def _start(self, process: ManagedProcess) -> None:
+        process.start(self._start_task, [self.processes[need] for need in process.spec.depends_on])
 
     def _start_task(self, work: TaskFunction, name: str) -> asyncio.Task[None]:
         """Start a task. Remaining tasks are cancelled when the fleet has ended, so none can outlast it."""
@@ -244,30 +248,30 @@ class Supervisor:
         if left:
             await asyncio.wait(left)
 
-    async def _stop(self, life: ManagedProcess) -> None:
-        await life.stop(self._stop_timeouts)
+    async def _stop(self, process: ManagedProcess) -> None:
+        await process.stop(self._stop_timeouts)
 
-    async def _restart(self, life: ManagedProcess) -> None:
-        await self._stop(life)
+    async def _restart(self, process: ManagedProcess) -> None:
+        await self._stop(process)
         if not self._stopping:
-            self._start(life)
+            self._start(process)
 
     async def _watch(self) -> None:
         """Check heartbeats and answer requests, in a loop."""
         last = time.monotonic()
         while True:
             for beat in self._bus.heartbeats():
-                life = self._nodes.get(beat.node)
-                if life is not None:
-                    life.on_heartbeat(beat, time.monotonic())
+                process = self._nodes.get(beat.node)
+                if process is not None:
+                    process.on_heartbeat(beat, time.monotonic())
             now = time.monotonic()
             late, last = now - last > LATE_POLL_S, now
             unheard = self._heartbeats_blocked(now)
-            for life in self.processes.values():
-                life.check_heartbeat(now, late or unheard, starting=not self._clock_started)
+            for process in self.processes.values():
+                process.check_heartbeat(now, late or unheard, starting=not self._clock_started)
             more = self._bus.answer_requests(self.handle_action)
             self._observer.on_poll(tuple(self.processes.values()))
-            starts = any(life.state == "starting" for life in self.processes.values())
+            starts = any(process.state == "starting" for process in self.processes.values())
             await asyncio.sleep(BUSY_POLL_PERIOD_S if starts or more else POLL_PERIOD_S)
 
     def _heartbeats_blocked(self, now: float) -> bool:
@@ -276,16 +280,16 @@ class Supervisor:
         This is so when all ready processes are silent at once while the router answers, or when a flood on their topic
         displaces them. Processes that end are noticed and restarted in any case.
         """
-        ready = [life for life in self.processes.values() if life.state == "ready"]
+        ready = [process for process in self.processes.values() if process.state == "ready"]
         why = ""
         if self._bus.flooded:
-            why = "/health is flooded, so that heartbeats get lost"
-        elif len(ready) > 1 and not any(life.is_healthy(now) for life in ready) and self._bus.router_answers():
-            why = "no heartbeat of any process comes, though the router answers"
+            why = "/health is flooded, so heartbeats are lost"
+        elif len(ready) > 1 and not any(process.is_healthy(now) for process in ready) and self._bus.router_answers():
+            why = "no heartbeat of any process arrives, although the router answers"
         if why != self._note:
             self._note = why
             self._observer.on_note(
-                f"{why}: until this ends, a process that hangs is not noticed" if why else "heartbeats come"
+                f"{why}: until this ends, a hung process is not detected" if why else "heartbeats arrive again"
             )
             self._bus.publish(self.state())
         return bool(why)
@@ -298,35 +302,34 @@ class Supervisor:
         await self._cancel(self._actions)
         left = dict(self.processes)
         while left:
-            needed = {need for life in left.values() for need in life.spec.depends_on}
+            needed = {need for process in left.values() for need in process.spec.depends_on}
             free = [name for name in left if name not in needed]
             await asyncio.wait([self._start_task(partial(self._stop, left.pop(name)), f"stop {name}") for name in free])
 
-    def _changed(self, life: ManagedProcess) -> None:
+    def _changed(self, process: ManagedProcess) -> None:
         state = self.state()
         waited = [each.state for each in self.processes.values() if each.spec.awaited]
         if not self._clock_started and all(each in ("ready", "finished", "failed", "stopped") for each in waited):
             self._clock_started, self._clock_start = True, time.monotonic()
         self._bus.publish(state)
-        self._observer.on_state_change(life, state)
-        if life.state == "finished" and life.spec.kind == "grader":
+        self._observer.on_state_change(process, state)
+        if process.state == "finished" and process.spec.kind == "grader":
             self._finish("graded", "the run is over")
-        elif life.state == "finished" and life.spec.ends_run:
-            self._finish("finished", f"{life.spec.name} has finished")
-        elif life.state in ("finished", "failed") and life.spec.required:
-            self._finish("failed", f"{life.spec.name} {life.state}: {life.state_message().reason}")
+        elif process.state == "finished" and process.spec.ends_run:
+            self._finish("finished", f"{process.spec.name} has finished")
+        elif process.state in ("finished", "failed") and process.spec.required:
+            self._finish("failed", f"{process.spec.name} {process.state}: {process.state_message().reason}")
 
     def _finish(self, ended: RunEnd, reason: str) -> None:
         if self._end is not None and not self._end.done():
             self._end.set_result((ended, reason))
 
 
-def _title(life: ManagedProcess, asked: str) -> str:
+def _title(process: ManagedProcess, asked: str) -> str:
     """Return a process's title for messages: as ``asked``, or for several nodes its name and theirs, as all are
     affected.
     """
-    name, nodes = life.spec.name, life.spec.names
+    name, nodes = process.spec.name, process.spec.names
     if len(nodes) == 1:
         return asked
-    listed = ", ".join(nodes[:_MAX_LISTED]) + (f" and {len(nodes) - _MAX_LISTED} more" * (len(nodes) > _MAX_LISTED))
-    return f"{name}, the process of {listed},"
+    return f"{name}, the process of {list_names(nodes, _MAX_LISTED)},"

@@ -109,8 +109,8 @@ def read_axes(seeds: str, assignments: Sequence[str]) -> tuple[Axis, ...]:
         key = " ".join(key.split())
         if not equals or not key:
             raise BadInput(
-                f"--set {text!r} is not an assignment: write KEY=VALUE,VALUE, as waypoint.max_linear=0.1,0.2, or "
-                "'SET NAME=VALUE,VALUE', as '/tb3_0/waypoint max_linear=0.1,0.2'"
+                f"--set {text!r} is not an assignment: write KEY=VALUE,VALUE, e.g. waypoint.max_linear=0.1,0.2, or "
+                "'SET NAME=VALUE,VALUE', e.g. '/tb3_0/waypoint max_linear=0.1,0.2'"
             )
         if any(each.key == key for each in axes):
             raise BadInput(f"--set gives {key} twice: name all its values in one")
@@ -121,7 +121,7 @@ def read_axes(seeds: str, assignments: Sequence[str]) -> tuple[Axis, ...]:
     for each in axes:
         count *= len(each.values)
     if count > MAX_RUNS:
-        raise BadInput(f"{count} combinations are more than {MAX_RUNS}, the most runs of a sweep: vary less at once")
+        raise BadInput(f"{count} combinations: a sweep has at most {MAX_RUNS} runs, so vary fewer values")
     return tuple(axes)
 
 

@@ -12,7 +12,7 @@ import msgspec
 import msgspec.inspect
 
 from deploy.report.checks import KEYS, RUN_KEYS
-from deploy.report.record import REPORT_FILE, Report, RunFigures
+from deploy.report.record import RunFigures, read_report
 from deploy.sweep.definition import Definition, Run
 from messages.base import DECODE_ERRORS
 from services.grader.records import ArmFigures, RobotFigures
@@ -41,14 +41,6 @@ def read_result(folder: Path) -> Result | None:
     """Return the result of the run in a folder; None if it has not ended by itself yet."""
     try:
         return msgspec.json.decode((folder / RESULT_FILE).read_bytes(), type=Result)
-    except (OSError, *DECODE_ERRORS):
-        return None
-
-
-def read_report(folder: Path) -> Report | None:
-    """Return the report in the folder of a run; None if it is missing or incomplete."""
-    try:
-        return msgspec.json.decode((folder / REPORT_FILE).read_bytes(), type=Report)
     except (OSError, *DECODE_ERRORS):
         return None
 
@@ -147,6 +139,6 @@ def check_figure(name: str, robots: Sequence[str], where: str) -> None:
         return
     if name in KEYS:
         raise BadInput(
-            f"{where}: {name} is a figure of a robot: say whose, as {robots[0] if robots else 'NAME'}.{name}"
+            f"{where}: {name} is a figure of a robot: say whose, e.g. {robots[0] if robots else 'NAME'}.{name}"
         )
     raise unknown_name("figure", name, [*RUN_KEYS, *(f"{each}.{key}" for each in robots for key in KEYS)], where)

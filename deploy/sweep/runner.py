@@ -82,11 +82,11 @@ def read_definition(folder: Path) -> Definition:
         raise BadInput(f"{file} is damaged: {error}") from None
 
 
-def _difference(known: Definition, wanted: Definition) -> str:
+def _difference(known: Definition, new: Definition) -> str:
     """Describe the differences of a sweep's definition from the known one."""
     for name in ("fleet", "options", "axes"):
-        if getattr(known, name) != getattr(wanted, name):
-            return f"its {name} differ ({_shown(getattr(known, name))}; now {_shown(getattr(wanted, name))})"
+        if getattr(known, name) != getattr(new, name):
+            return f"its {name} differ ({_shown(getattr(known, name))}; now {_shown(getattr(new, name))})"
     return "the fleet file, or a file that it names, has changed since"
 
 

@@ -13,7 +13,7 @@ from functools import cache
 import msgspec.inspect as kinds
 
 from messages.base import Array, Float32Array, Message
-from messages.interfaces.catalogue import Catalogue, UnknownType
+from messages.interfaces.catalogue import DEEPEST, SEPARATOR, UnknownType, standard_catalogue
 from messages.interfaces.definition import (
     SIZES,
     BadDefinition,
@@ -24,12 +24,8 @@ from messages.interfaces.definition import (
     short_type_name,
 )
 
-DEEPEST = 16
-"""Maximum levels of nested types; ROS has five."""
 LARGEST_LEAST = 1 << 26
 """Maximum size [bytes] of the smallest message of a type, since decoding creates a value for each field."""
-
-SEPARATOR = "=" * 80
 
 _TIME = "int32 sec\nuint32 nanosec"
 
@@ -97,7 +93,7 @@ def _complex(kind: str) -> bool:
 def _check(name: str, definitions: Definitions, above: tuple[str, ...], depths: dict[str, int]) -> int:
     """Check a type, once however often it is used, and return its number of nested levels; raises BadDefinition."""
     if name in above or len(above) + depths.get(name, 0) > DEEPEST:
-        raise BadDefinition(f"{name} holds itself, or types lie more than {DEEPEST} deep")
+        raise BadDefinition(f"{name} contains itself, or types are nested more than {DEEPEST} levels deep")
     if name in depths:
         return depths[name]
     if name not in definitions:
@@ -145,12 +141,6 @@ def definitions(record: type[Message]) -> Definitions:
 
 
 @cache
-def _standard() -> Catalogue:
-    """Return the standard packages alone, without those of a workspace."""
-    return Catalogue()
-
-
-@cache
 def fields_of(record: type[Message]) -> dict[str, kinds.Field]:
     """Return the fields of a record by their names on the wire."""
     info = kinds.type_info(record)
@@ -163,7 +153,7 @@ def unwrap(kind: kinds.Type) -> kinds.Type:
     return unwrap(kind.type) if isinstance(kind, kinds.Metadata) else kind
 
 
-def record_of(kind: kinds.Type) -> type[Message] | None:
+def nested_record(kind: kinds.Type) -> type[Message] | None:
     """Return the record class of a field that holds a record, else None."""
     return kind.cls if isinstance(kind, kinds.StructType) and issubclass(kind.cls, Message) else None
 
@@ -190,7 +180,7 @@ def _derive(record: type[Message], found: dict[str, tuple[Field, ...]]) -> None:
     if record.ROS_TYPE in found:
         return
     try:
-        found.update(_standard().definitions(record.ROS_TYPE))
+        found.update(standard_catalogue().definitions(record.ROS_TYPE))
     except UnknownType:
         _derive_fields(record, found)
 
@@ -215,7 +205,7 @@ def _field(name: str, kind: kinds.Type, found: dict[str, tuple[Field, ...]]) -> 
 
 
 def _single(kind: kinds.Type, found: dict[str, tuple[Field, ...]]) -> str:
-    if (nested := record_of(kind)) is not None:
+    if (nested := nested_record(kind)) is not None:
         _derive(nested, found)
         return nested.ROS_TYPE
     match kind:

@@ -14,9 +14,9 @@ from messages.cdr.definitions import (
     anything,
     fields_of,
     minimum_size,
+    nested_record,
     optional,
     packed,
-    record_of,
     unwrap,
 )
 from messages.interfaces.definition import SIZES, Definitions, Field
@@ -75,7 +75,7 @@ def record_reader(record: type[M], types: Definitions, name: str = "") -> Callab
         message: M = read(data)
         try:
             check(encode(message))
-        except (*DECODE_ERRORS, RecursionError) as error:
+        except DECODE_ERRORS as error:
             raise WrongPayload(str(error)) from None
         return message
 
@@ -90,9 +90,9 @@ def _guarded(name: str, types: Definitions, record: type[Message] | None) -> Cal
         if (read := made.get(kind)) is None:
             if (encoding := ENCODINGS.get(kind)) is None:
                 raise WrongPayload(_unread(data[:4]))
-            read = made[kind] = _Readers(types, encoding).whole(name, record)
+            read = made[kind] = _Readers(types, encoding).message_reader(name, record)
         if len(data) > LARGEST_READ:
-            raise WrongPayload(f"it has {len(data)} bytes, the limit for reading it into values is {LARGEST_READ}")
+            raise WrongPayload(f"it has {len(data)} bytes, the limit for decoding is {LARGEST_READ}")
         try:
             return read(data[4:], 0)[0]
         except (struct.error, ValueError, TypeError, IndexError, OverflowError, RecursionError) as error:
@@ -105,13 +105,13 @@ def _unread(head: bytes) -> str:
     """Explain why a message with these first bytes cannot be decoded."""
     if head in _COMPRESSED:
         return (
-            "it is compressed by itself (rosbag2's compression mode MESSAGE): "
+            "it is individually compressed (rosbag2's compression mode MESSAGE): "
             "rewrite the bag without it, with 'ros2 bag convert'"
         )
     if head[:2] in _LISTS:
-        return f"the encapsulation {head.hex()} is a list of numbered parameters, which ROS's definitions do not number"
+        return f"the encapsulation {head.hex()} is a parameter list (PL_CDR), whose member IDs ROS definitions lack"
     return (
-        f"the encapsulation {head.hex() or 'nothing'} is not read; CDR and XCDR2 are, plain and delimited: "
+        f"the encapsulation {head.hex() or 'nothing'} is not supported; plain and delimited CDR and XCDR2 are: "
         f"{', '.join(each.hex() for each in ENCODINGS)}"
     )
 
@@ -124,7 +124,7 @@ class _Readers:
         self._length = struct.Struct(f"{encoding.order}I").unpack_from
         self._made: dict[tuple[str, type[Message] | None], Read] = {}
 
-    def whole(self, name: str, record: type[Message] | None) -> Read:
+    def message_reader(self, name: str, record: type[Message] | None) -> Read:
         """Return the reader of a whole message; a type without fields may lack the byte that ROS 2 sends for it."""
         if not self._types[name]:
             make: Callable[[], Any] = record or dict
@@ -184,7 +184,7 @@ class _Readers:
             return self._string
         if kind in SIZES:
             return self._number(kind)
-        return self._struct(kind, None if target is None else record_of(target))
+        return self._struct(kind, None if target is None else nested_record(target))
 
     def _number(self, kind: str) -> Read:
         code, size = SIZES[kind]
@@ -233,7 +233,7 @@ class _Readers:
         if not sized:
             return read
 
-        def whole(data: bytes, at: int) -> tuple[Any, int]:
+        def sized_value(data: bytes, at: int) -> tuple[Any, int]:
             at += -at % 4
             end = at + 4 + self._length(data, at)[0]
             if end > len(data):
@@ -243,7 +243,7 @@ class _Readers:
                 raise ValueError(f"a part ends at byte {at} instead of {end}")
             return value, end
 
-        return whole
+        return sized_value
 
     def _count(self, data: bytes, at: int, field: Field, size: int) -> tuple[int, int]:
         at += -at % 4

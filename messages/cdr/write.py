@@ -17,9 +17,9 @@ from messages.cdr.definitions import (
     anything,
     definitions,
     fields_of,
+    nested_record,
     optional,
     packed,
-    record_of,
     unwrap,
 )
 from messages.errors import EleaError
@@ -118,7 +118,7 @@ def _collect(ops: list[Op | _Numbers], name: str, types: Definitions, record: ty
             assert isinstance(numbers, _Numbers)
             numbers.codes += SIZES[field.type][0]
             numbers.paths.append(path)
-        elif field.extent is None and (nested := record_of(kind)) is not None:
+        elif field.extent is None and (nested := nested_record(kind)) is not None:
             _collect(ops, field.type, types, nested, f"{path}.")
         else:
             ops.append(_at(path, _value(field, kind, types)))
@@ -163,7 +163,7 @@ def _items(field: Field, item: kinds.Type, types: Definitions) -> Op:
                     out += struct.pack(f"<{len(values)}{code}", *_as_floats(code * len(values), values))
 
         return numbers
-    nested = record_of(item)
+    nested = nested_record(item)
     each: list[Op] = [_string] if nested is None else _ops(field.type, types, nested)
 
     def records(out: bytearray, values: Sequence[Any]) -> None:

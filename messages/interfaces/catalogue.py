@@ -243,9 +243,9 @@ class Catalogue:
         self, definition: MessageDefinition, ros: Ros, found: dict[str, MessageDefinition], above: tuple[str, ...]
     ) -> None:
         if definition.name in above:
-            raise BadDefinition(f"{definition.name} holds itself, by way of {' and '.join(above)}")
+            raise BadDefinition(f"{definition.name} contains itself: {' -> '.join((*above, definition.name))}")
         if len(above) > DEEPEST:
-            raise BadDefinition(f"{above[0]}: types lie more than {DEEPEST} deep")
+            raise BadDefinition(f"{above[0]}: types are nested more than {DEEPEST} levels deep")
         known = definition.name in found
         found.setdefault(definition.name, definition)
         if known:
@@ -283,6 +283,12 @@ class Catalogue:
             simple = each.type in SIMPLE or each.type in TIMES
             lines.append(str(each) if simple else f"{self.md5(each.type)} {each.name}")
         return "\n".join(lines)
+
+
+@cache
+def standard_catalogue() -> Catalogue:
+    """Return the standard packages alone, without those of a workspace."""
+    return Catalogue()
 
 
 @cache

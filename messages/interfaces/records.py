@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import keyword
 import re
-from functools import cache, lru_cache
+from functools import lru_cache
 from types import GenericAlias
 from typing import Annotated, Any, ClassVar
 
@@ -17,7 +17,7 @@ from msgspec import Meta
 from messages.base import Float32Array, Float64Array, Message
 from messages.cdr.definitions import minimum_size, parse, text_of
 from messages.errors import BadInput, nearest
-from messages.interfaces.catalogue import Catalogue, UnknownType, catalogue
+from messages.interfaces.catalogue import UnknownType, catalogue, standard_catalogue
 from messages.interfaces.definition import SIZES, BadDefinition, Definitions, Field, short_type_name
 from messages.records import RECORDS, UnknownRecord
 
@@ -85,7 +85,7 @@ def learn(name: str, text: str) -> bool:
     """
     name = short_type_name(name)
     if not _TYPE.fullmatch(name):
-        raise BadInput(f"{name[:80]!r} is not the name of a type, as my_pkg/Step")
+        raise BadInput(f"{name[:80]!r} is not the name of a type, e.g. my_pkg/Step")
     if len(text) > LONGEST_TEXT:
         raise BadInput(f"the definition of {name[:80]!r} has {len(text)} bytes, the limit is {LONGEST_TEXT}")
     if name in _learned:
@@ -96,7 +96,7 @@ def learn(name: str, text: str) -> bool:
         return False
     if len(_learned) >= MOST_LEARNED:
         raise BadInput(f"{name[:80]} is one type too many: {MOST_LEARNED} are known from other processes")
-    _learned[name] = text, record_of(name, parse(name, text))
+    _learned[name] = text, generate_record(name, parse(name, text))
     return True
 
 
@@ -105,7 +105,7 @@ def forget_learned() -> None:
     _learned.clear()
 
 
-def record_of(name: str, types: Definitions) -> type[Message]:
+def generate_record(name: str, types: Definitions) -> type[Message]:
     """Generate a record for the type ``name``; raises BadDefinition if its smallest message is too large."""
     if (size := minimum_size(name, types)) > LARGEST_DEFAULT:
         raise BadDefinition(f"the smallest {name} has {size} bytes, the limit for a record is {LARGEST_DEFAULT}")
@@ -161,14 +161,9 @@ class _Generator:
         return record, record()
 
 
-@cache
-def _standard() -> Catalogue:
-    return Catalogue()
-
-
 def _is_standard(name: str) -> bool:
     try:
-        _standard().message(name)
+        standard_catalogue().message(name)
     except UnknownType:
         return False
     return True
@@ -176,7 +171,7 @@ def _is_standard(name: str) -> bool:
 
 @lru_cache(maxsize=2000)
 def _catalogue_record(name: str, types: tuple[tuple[str, tuple[Field, ...]], ...]) -> type[Message]:
-    return record_of(name, dict(types))
+    return generate_record(name, dict(types))
 
 
 def _number(kind: str) -> Any:

@@ -71,17 +71,17 @@ class _ArmLoop:
         if self._started_at is None or tick.reset:
             self._start(tick.time)
         self._read_references(p, tick.time)
-        seen = self._read_joint(p, tick.time)
-        if seen is None:
+        reading = self._read_joint(p, tick.time)
+        if reading is None:
             self._release_and_restart(tick.time)
             return
-        wanted = self._set_point(p, tick.time, seen)
+        set_point = self._set_point(p, tick.time, reading)
         if not self._holding:
             self._holding = True
-            self._ctx.log.info(f"holding {p.joint} from {seen.angle:.2f} deg on")
-        now = ControlInput(wanted.angle, wanted.rate, seen.angle, seen.rate, wanted.acceleration)
+            self._ctx.log.info(f"holding {p.joint}, starting at {reading.angle:.2f} deg")
+        inputs = ControlInput(set_point.angle, set_point.rate, reading.angle, reading.rate, set_point.acceleration)
         dt = tick.dt if 0 < tick.dt <= MAX_PERIODS / p.rate else 0.0
-        self._publish(p, tick, now, self._controller.step(p, now, dt))
+        self._publish(p, tick, inputs, self._controller.step(p, inputs, dt))
 
     def release(self, now: int) -> None:
         """Release the arm at once, if it is held."""
@@ -111,14 +111,14 @@ class _ArmLoop:
     def _read_joint(self, p: ArmParameters, now: int) -> JointReading | None:
         state = self._states.fresh(p.state_timeout)
         if state is not None:
-            seen = self._joint.read(state, round(MIN_PERIODS / p.rate * 1e9))
-            if seen is None:
-                self._ctx.log.warn(f"{self._joint.error}, letting go: is joint right?", every=WARN_PERIOD_S)
-            return seen
+            reading = self._joint.read(state, round(MIN_PERIODS / p.rate * 1e9))
+            if reading is None:
+                self._ctx.log.warn(f"{self._joint.error}, releasing the joint: is joint right?", every=WARN_PERIOD_S)
+            return reading
         if self._has_waited(now, p.state_timeout):
             self._ctx.log.warn(
                 f"no joint states on {self._ctx.namespace.rstrip('/')}/joint_states for {p.state_timeout:g} s, "
-                "letting go: is the arm in the simulation?",
+                "releasing the joint: is the arm in the simulation?",
                 every=WARN_PERIOD_S,
             )
         return None
@@ -128,10 +128,10 @@ class _ArmLoop:
         self._joint, self._controller = JointReader(self._ctx.params.joint), ArmController()
         self._hold_at, self._holding = None, False
 
-    def _set_point(self, p: ArmParameters, now: int, seen: JointReading) -> SetPoint:
+    def _set_point(self, p: ArmParameters, now: int, reading: JointReading) -> SetPoint:
         target = self._interpolator
         if target.sample is None:
-            self._hold_at = seen.angle if self._hold_at is None else self._hold_at
+            self._hold_at = reading.angle if self._hold_at is None else self._hold_at
             if self._has_waited(now, p.reference_timeout):
                 self._ctx.log.warn(
                     f"no reference on {REFERENCE.name} yet, holding {self._hold_at:.2f} deg: is its service running?",
@@ -142,33 +142,34 @@ class _ArmLoop:
         if silent:
             target.hold()
             self._ctx.log.warn(
-                f"no reference for {target.age(now):.1f} s, holding {target.sample:.2f} deg: has its service died?",
+                f"no reference for {target.age(now):.1f} s, holding {target.sample:.2f} deg: is its service still "
+                "running?",
                 every=WARN_PERIOD_S,
             )
         elif self._reference_lost:
-            self._ctx.log.info("references are back")
+            self._ctx.log.info("references are arriving again")
         self._reference_lost = silent
-        wanted = target.at(now, smooth=p.law == "default", span=seen.span)
-        return wanted._replace(angle=max(p.lower, min(p.upper, wanted.angle)))
+        set_point = target.at(now, smooth=p.law == "default", span=reading.span)
+        return set_point._replace(angle=max(p.lower, min(p.upper, set_point.angle)))
 
-    def _publish(self, p: ArmParameters, tick: Tick, now: ControlInput, effort: float) -> None:
+    def _publish(self, p: ArmParameters, tick: Tick, inputs: ControlInput, effort: float) -> None:
         stamp, duration = Time.of(tick.time), max(p.duration, MIN_PERIODS / p.rate)
-        job = JointEffort(joint_name=p.joint, effort=effort, start_time=stamp, duration=duration)
-        self._efforts.publish(job)
+        command = JointEffort(joint_name=p.joint, effort=effort, start_time=stamp, duration=duration)
+        self._efforts.publish(command)
         self._signals.publish(Float32(data=effort))
-        self._angles.publish(Float32(data=now.angle))
+        self._angles.publish(Float32(data=inputs.angle))
         if self._interpolator.sample is None:
             return
-        self._errors.publish(Float32(data=now.error))
+        self._errors.publish(Float32(data=inputs.error))
         gains = select_gains(p)
         clamp = p.saturation if p.law == "default" else gains.ki * p.windup_guard
         self._control_states.publish(
             JointControllerState(
                 header=Header(stamp=stamp),
-                set_point=now.set_point,
-                process_value=now.angle,
-                process_value_dot=now.rate,
-                error=now.error,
+                set_point=inputs.set_point,
+                process_value=inputs.angle,
+                process_value_dot=inputs.rate,
+                error=inputs.error,
                 time_step=tick.dt,
                 command=effort,
                 p=gains.kp,

@@ -94,44 +94,44 @@ class Pid:
         self._filtered_set_point_rate = 0.0
         self._gains: Gains | None = None
 
-    def step(self, gains: Gains, now: ControlInput, dt: float, last: float | None = None) -> float:
+    def step(self, gains: Gains, inputs: ControlInput, dt: float, last: float | None = None) -> float:
         """Return the effort [N m].
 
         Args:
             gains: The gains, which may change at every step.
-            now: Set-point and measurement.
+            inputs: Set-point and measurement.
             dt: Time since the step before [s]; 0 if unknown.
             last: Effort of another control law at the step before [N m], for bumpless transfer.
         """
-        self._filter(gains.derivative_filter, now, dt)
+        self._filter(gains.derivative_filter, inputs, dt)
         self.bump *= math.exp(-dt / BLEND_S)
         if last is not None:
-            self.bump += last - self._sum(gains, now)
+            self.bump += last - self._sum(gains, inputs)
         elif self._gains is not None and gains != self._gains:
-            before = self._sum(self._gains, now)
+            before = self._sum(self._gains, inputs)
             if gains.ki == 0:
                 self.integral = 0.0
-            self.bump += before - self._sum(gains, now)
+            self.bump += before - self._sum(gains, inputs)
         self._gains = gains
-        asked = self._sum(gains, now)
-        effort = max(-gains.saturation, min(gains.saturation, asked))
-        self._integrate(gains, now.error, effort - asked, dt)
+        unlimited = self._sum(gains, inputs)
+        effort = max(-gains.saturation, min(gains.saturation, unlimited))
+        self._integrate(gains, inputs.error, effort - unlimited, dt)
         return effort
 
-    def _sum(self, gains: Gains, now: ControlInput) -> float:
+    def _sum(self, gains: Gains, inputs: ControlInput) -> float:
         rate = gains.set_point_weight * self._filtered_set_point_rate - (self._filtered_rate or 0.0)
-        ahead = gains.gravity_compensation(now.angle) + gains.inertia_feedforward(now.set_point_acceleration)
-        return gains.kp * now.error + self.integral + gains.kd * rate + ahead + self.bump
+        ahead = gains.gravity_compensation(inputs.angle) + gains.inertia_feedforward(inputs.set_point_acceleration)
+        return gains.kp * inputs.error + self.integral + gains.kd * rate + ahead + self.bump
 
-    def _filter(self, constant: float, now: ControlInput, dt: float) -> None:
+    def _filter(self, constant: float, inputs: ControlInput, dt: float) -> None:
         if self._filtered_rate is None or dt <= 0:
             self._filtered_rate, self._filtered_set_point_rate = (
-                now.rate,
-                now.set_point_rate,
+                inputs.rate,
+                inputs.set_point_rate,
             )  # the filtered rates are from before a gap
         share = 1.0 - math.exp(-dt / constant) if constant > 0 else 1.0
-        self._filtered_rate += share * (now.rate - self._filtered_rate)
-        self._filtered_set_point_rate += share * (now.set_point_rate - self._filtered_set_point_rate)
+        self._filtered_rate += share * (inputs.rate - self._filtered_rate)
+        self._filtered_set_point_rate += share * (inputs.set_point_rate - self._filtered_set_point_rate)
 
     def _integrate(self, gains: Gains, error: float, cut: float, dt: float) -> None:
         if gains.ki == 0:
@@ -139,8 +139,8 @@ class Pid:
         self.integral += gains.ki * error * dt
         if cut * self.integral < 0:
             constant = math.sqrt(gains.kd / gains.ki)  # sqrt(Ti Td), Ti = kp / ki and Td = kd / kp
-            draw = cut * min(1.0, dt / constant) if constant > 0 else cut
-            self.integral += math.copysign(min(abs(draw), abs(self.integral)), draw)
+            correction = cut * min(1.0, dt / constant) if constant > 0 else cut
+            self.integral += math.copysign(min(abs(correction), abs(self.integral)), correction)
         self.integral = max(-gains.saturation, min(gains.saturation, self.integral))
 
 
@@ -164,8 +164,8 @@ class TutorialPid:
         slope = (error - self._error) / dt if self._error is not None and dt > 0 else 0.0
         self._error = error
         self.error_sum = max(-guard, min(guard, self.error_sum + error * dt))
-        asked = gains.kp * error + gains.ki * self.error_sum + gains.kd * slope + gains.gravity_compensation(angle)
-        return max(-gains.saturation, min(gains.saturation, asked))
+        unlimited = gains.kp * error + gains.ki * self.error_sum + gains.kd * slope + gains.gravity_compensation(angle)
+        return max(-gains.saturation, min(gains.saturation, unlimited))
 
 
 class ArmController:
@@ -181,16 +181,16 @@ class ArmController:
         """The integral of the error: N m in the default law, deg s in the tutorial's."""
         return self._tutorial_pid.error_sum if self._law == "tutorial" else self._pid.integral
 
-    def step(self, p: ArmParameters, now: ControlInput, dt: float) -> float:
+    def step(self, p: ArmParameters, inputs: ControlInput, dt: float) -> float:
         """Return the effort [N m]; ``dt`` is the time since the step before [s], 0 if unknown."""
         gains = select_gains(p)
         changed = p.law != self._law
         self._law = p.law
         if p.law == "tutorial":
             self._tutorial_pid = TutorialPid() if changed else self._tutorial_pid
-            self._effort = self._tutorial_pid.step(gains, p.windup_guard, now.error, now.angle, dt)
+            self._effort = self._tutorial_pid.step(gains, p.windup_guard, inputs.error, inputs.angle, dt)
         else:
             last = self._effort if changed else None
             self._pid = Pid() if changed else self._pid
-            self._effort = self._pid.step(gains, now, dt, last)
+            self._effort = self._pid.step(gains, inputs, dt, last)
         return self._effort

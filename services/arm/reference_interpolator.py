@@ -50,8 +50,8 @@ class PeriodEstimator:
         arrivals.append((now, count))
         if total := sum(each for _, each in islice(arrivals, 1, None)):
             self.period = (now - arrivals[0][0]) / total
-        meant = self.nominal_time + count * self.period
-        self.nominal_time = meant + DELAY_GAIN * (now - meant)
+        due = self.nominal_time + count * self.period
+        self.nominal_time = due + DELAY_GAIN * (now - due)
         return count
 
     def _periods_since_last(self, now: int) -> int:

@@ -31,7 +31,7 @@ SENDER_SIDECAR = "/_sender"
 class Sender(Message, frozen=True, kw_only=True):
     """The sender of the message that follows; ``node`` is derived from its name.
 
-    The first node on a topic is not recorded.
+    It is not recorded for messages of the first node on a topic.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Sender"

@@ -58,56 +58,58 @@ class _Table:
                 self.columns[name] = None
 
 
-def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[ExportResult]:
-    """Write ``folder``/TOPIC.csv for every topic that is ``wanted``; raises BadInput if it cannot be written.
+def export_csv(bag: Bag, folder: Path, is_selected: Callable[[str], bool]) -> list[ExportResult]:
+    """Write ``folder``/TOPIC.csv for every topic for which ``is_selected``; raises BadInput if it cannot be written.
 
     The columns ``time`` and ``log_time`` [s] are simulation and wall time; field names are joined by dots. The bag is
     read twice, since lists may grow, so the columns are only known at its end.
     """
-    sheets, refused = _read_tables(bag, wanted)
+    tables, rejected = _read_tables(bag, is_selected)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        names = _file_names(sheets)
-        _write(bag, {channel: folder / name for channel, name in names.items()}, sheets)
+        names = _file_names(tables)
+        _write(bag, {channel: folder / name for channel, name in names.items()}, tables)
     except (OSError, ValueError) as error:
         raise BadInput(f"the tables cannot be written to {folder}: {error}") from None
-    results = list(refused.values())
-    for channel, sheet in sheets.items():
-        reasons = [f"{sheet.undecodable} messages are not of their type"] if sheet.undecodable else []
-        reasons += [f"columns beyond {MAX_COLUMNS} are left out"] if sheet.truncated else []
-        results.append(ExportResult(channel.topic, folder / names[channel], sheet.rows, "; ".join(reasons)))
+    results = list(rejected.values())
+    for channel, table in tables.items():
+        reasons = [f"{table.undecodable} messages are not of their type"] if table.undecodable else []
+        reasons += [f"columns beyond {MAX_COLUMNS} are left out"] if table.truncated else []
+        results.append(ExportResult(channel.topic, folder / names[channel], table.rows, "; ".join(reasons)))
     return sorted(results, key=lambda each: (each.topic, str(each.file)))
 
 
-def _read_tables(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _Table], dict[Channel, ExportResult]]:
+def _read_tables(
+    bag: Bag, is_selected: Callable[[str], bool]
+) -> tuple[dict[Channel, _Table], dict[Channel, ExportResult]]:
     """Read the bag and return the topics with their columns, and those that cannot be exported."""
-    sheets: dict[Channel, _Table] = {}
-    refused: dict[Channel, ExportResult] = {}
+    tables: dict[Channel, _Table] = {}
+    rejected: dict[Channel, ExportResult] = {}
     for entry in bag.entries():
         channel = entry.channel
-        if not wanted(channel.name) or channel in refused:
+        if not is_selected(channel.name) or channel in rejected:
             continue
         try:
-            sheet = sheets.get(channel) or sheets.setdefault(channel, _Table(channel))
+            table = tables.get(channel) or tables.setdefault(channel, _Table(channel))
         except WrongPayload as error:
-            refused[channel] = ExportResult(channel.topic, None, 0, str(error))
+            rejected[channel] = ExportResult(channel.topic, None, 0, str(error))
             continue
-        if (row := sheet.row(entry.data)) is None:
-            sheet.undecodable += 1
+        if (row := table.row(entry.data)) is None:
+            table.undecodable += 1
         else:
-            sheet.widen(row)
-    return sheets, refused
+            table.widen(row)
+    return tables, rejected
 
 
-def _write(bag: Bag, files: dict[Channel, Path], sheets: dict[Channel, _Table]) -> None:
+def _write(bag: Bag, files: dict[Channel, Path], tables: dict[Channel, _Table]) -> None:
     with ExitStack() as stack:
         writers = {}
-        for channel, sheet in sheets.items():
+        for channel, table in tables.items():
             stream = stack.enter_context(files[channel].open("w", newline="", encoding="utf-8"))
             writers[channel] = csv.writer(stream)
-            writers[channel].writerow(["time", "log_time", *sheet.columns])
+            writers[channel].writerow(["time", "log_time", *table.columns])
         for entry in bag.entries():
-            if (each := sheets.get(entry.channel)) is not None and (row := each.row(entry.data)) is not None:
+            if (each := tables.get(entry.channel)) is not None and (row := each.row(entry.data)) is not None:
                 times = [f"{time // 10**9}.{time % 10**9:09}" for time in (entry.publish_time, entry.log_time)]
                 writers[entry.channel].writerow(times + [row.get(name, "") for name in each.columns])
                 each.rows += 1

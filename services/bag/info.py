@@ -73,16 +73,16 @@ class _TimeSpan:
 
 
 def bag_info(bag: Bag) -> BagInfo:
-    """Read and summarise the whole bag; 100,000 messages take about half a second."""
+    """Read and summarise the simulated bag; 100,000 messages take about half a second."""
     spans: dict[Channel, _TimeSpan] = {}
-    whole, wall, timeline = _TimeSpan(), _TimeSpan(), Timeline()
+    simulated, wall, timeline = _TimeSpan(), _TimeSpan(), Timeline()
     start: int | None = None
     for entry in bag.entries():
         if is_sidecar(entry.channel):
             continue
         segment = timeline.locate(entry.publish_time).segment
         spans.setdefault(entry.channel, _TimeSpan()).add(segment, entry.publish_time)
-        whole.add(segment, entry.publish_time)
+        simulated.add(segment, entry.publish_time)
         wall.add(0, entry.log_time)
         start = entry.log_time if start is None else min(start, entry.log_time)
     topics = sorted(spans, key=lambda channel: channel.topic)
@@ -91,8 +91,8 @@ def bag_info(bag: Bag) -> BagInfo:
         bytes=bag.size,
         start=(start or 0) / 1e9,
         wall_seconds=wall.elapsed / 1e9,
-        seconds=whole.elapsed / 1e9,
-        messages=whole.messages,
+        seconds=simulated.elapsed / 1e9,
+        messages=simulated.messages,
         topics=tuple(_topic(channel, spans[channel]) for channel in topics),
         files=tuple(FileInfo(name=each.name, bytes=each.stat().st_size) for each in bag.files),
         troubles=tuple(bag.problems),

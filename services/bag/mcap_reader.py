@@ -95,14 +95,14 @@ class McapScanner:
         while True:
             head = self._stream.read(_RECORD_HEAD.size)
             if len(head) < _RECORD_HEAD.size:
-                self._report_torn(at, ended)
+                self._report_truncated(at, ended)
                 break
             opcode, length = _RECORD_HEAD.unpack(head)
             if opcode == Opcode.FOOTER:
                 self._check_end()
                 break
             if not opcode or length > self._size - at - _RECORD_HEAD.size:
-                self._report_torn(at, ended)
+                self._report_truncated(at, ended)
                 break
             if opcode not in _KNOWN_OPCODES:
                 self._stream.seek(length, SEEK_CUR)
@@ -115,24 +115,24 @@ class McapScanner:
             at += _RECORD_HEAD.size + length
         self._report_totals()
 
-    def _report_torn(self, at: int, ended: bool) -> None:
+    def _report_truncated(self, at: int, ended: bool) -> None:
         """Report a file that ends early: within its data, or after the data had ``ended``."""
         if ended:
-            self._report_torn_summary()
+            self._report_truncated_summary()
             return
         self.problems.append(
-            f"{self._path} is torn at byte {at} of {self._size}: its recorder was killed, the disk was full, or the "
-            "file is cut; it is read up to there"
+            f"{self._path} is truncated after byte {at}: its recorder was killed, the disk was full, or the "
+            "copy is incomplete; it is read up to there"
         )
 
     def _check_end(self) -> None:
         self._stream.seek(-len(MAGIC), SEEK_END)
         if self._stream.read() != MAGIC:
-            self._report_torn_summary()
+            self._report_truncated_summary()
 
-    def _report_torn_summary(self) -> None:
+    def _report_truncated_summary(self) -> None:
         self.problems.append(
-            f"{self._path} is torn in its table of contents: all messages are there, other tools may refuse it"
+            f"{self._path} is truncated in its summary section: all messages are there, but other tools may reject it"
         )
 
     def _report_totals(self) -> None:
@@ -141,7 +141,7 @@ class McapScanner:
             self.problems.append(f"{self._path}: damaged in {self._damaged - MAX_REPORTED_PROBLEMS} more places")
         if self._expected_count is not None and self._expected_count != self._count:
             self.problems.append(
-                f"{self._path} is damaged: its table of contents counts {self._expected_count} messages, "
+                f"{self._path} is damaged: its summary counts {self._expected_count} messages, "
                 f"{self._count} can be read"
             )
 
@@ -167,7 +167,7 @@ class McapScanner:
         if opcode not in _KNOWN_OPCODES:
             return
         if len(data) > MAX_TEXT_SIZE:
-            raise ValueError(f"a schema, channel or note of {len(data)} bytes, the limit is {MAX_TEXT_SIZE}")
+            raise ValueError(f"a schema, channel or metadata record of {len(data)} bytes, the limit is {MAX_TEXT_SIZE}")
         stream = ReadDataStream(BytesIO(data))
         match opcode:
             case Opcode.HEADER:
@@ -193,7 +193,7 @@ class McapScanner:
     def _limit_text(self, data: bytes) -> None:
         self._text_size += len(data)
         if self._text_size > MAX_TOTAL_TEXT_SIZE:
-            raise ValueError(f"schemas, channels and notes of more than {MAX_TOTAL_TEXT_SIZE} bytes in all")
+            raise ValueError(f"schemas, channels and metadata of more than {MAX_TOTAL_TEXT_SIZE} bytes in all")
 
     def _chunk(self, records: bytes, place: int) -> Iterator[SerializedMessage]:
         """Yield the messages of the chunk at byte ``place``; its schemas and channels are read before all of them."""

@@ -13,7 +13,7 @@ from messages.cdr.definitions import parse
 from messages.cdr.read import plain_reader, record_reader
 from messages.cdr.sidecar import EXTRAS, ROS_RECORDS, join
 from messages.interfaces.definition import BadDefinition, Definitions
-from messages.interfaces.records import record_of
+from messages.interfaces.records import generate_record
 from messages.names import BadName, validate
 from messages.records import RECORDS
 from services.bag.channel import CDR, RAW, SENDER_SIDECAR, SIDECAR, Channel, Sender
@@ -152,7 +152,7 @@ def _list_files(folder: Path) -> tuple[list[Path], tuple[str, ...]]:
     missing += [
         f"{each} is compressed as a whole: unpack it first, with 'zstd -d'"
         if each.suffix == ".zstd" and each.is_file()
-        else f"{each} is missing, though {METADATA_FILE} names it: was the bag copied whole?"
+        else f"{each} is missing, though {METADATA_FILE} names it: was the bag copied completely?"
         for each in named
         if each not in present
     ]
@@ -217,13 +217,13 @@ def unreadable_reason(channel: Channel) -> str:
     if channel.encoding == RAW and channel.type:
         return ""
     if channel.encoding != CDR:
-        return f"its messages are encoded as {channel.encoding or 'nothing that is named'}, not as cdr"
+        return f"the encoding of its messages is {channel.encoding or 'unnamed'}, not cdr"
     try:
         _definitions(channel)
     except BadDefinition as error:
         return f"its schema cannot be read: {error}"
     if not is_sidecar(channel) and record_type(channel) is None:
-        return f"its type {channel.type or 'without a name'} is not one of this project"
+        return f"its type {channel.type or '(unnamed)'} is not known to Elea"
     return ""
 
 
@@ -280,13 +280,13 @@ def _record_decoder(channel: Channel) -> Decoder:
 def _definitions(channel: Channel) -> Definitions:
     """Return the definitions in the file itself, which may be of another version of ROS or Elea."""
     if channel.schema_encoding != "ros2msg":
-        raise BadDefinition(f"it is written as {channel.schema_encoding or 'nothing'}, not as ros2msg")
+        raise BadDefinition(f"its encoding is {channel.schema_encoding or 'unnamed'}, not ros2msg")
     return _parsed(channel.type, channel.schema)
 
 
 @lru_cache(maxsize=256)
 def _schema_record(channel: Channel) -> type[Message]:
-    return record_of(channel.type, _definitions(channel))
+    return generate_record(channel.type, _definitions(channel))
 
 
 _parsed = lru_cache(maxsize=256)(parse)

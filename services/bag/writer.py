@@ -58,9 +58,9 @@ class BagWriter:
         """Create the folder and the first file; raises BadInput if the folder exists or cannot be created."""
         try:
             self.folder.mkdir(parents=True, exist_ok=self._resume)
-            there = sorted(self.folder.glob("*.mcap"), key=lambda file: (file_number(file), file.name))
-            self._resumed_files = [facts for each in there if (facts := read_stats(each)) is not None]
-            self._next = max(map(file_number, there), default=-1) + 1
+            existing = sorted(self.folder.glob("*.mcap"), key=lambda file: (file_number(file), file.name))
+            self._resumed_files = [stats for each in existing if (stats := read_stats(each)) is not None]
+            self._next = max(map(file_number, existing), default=-1) + 1
             self._open_file()
         except FileExistsError:
             raise BadInput(f"{self.folder} exists already: choose another folder for the bag") from None

@@ -20,7 +20,7 @@ class ControllerManagerParameters(Parameters, frozen=True, kw_only=True):
     )
     controllers: tuple[str, ...] = param(
         (),
-        text="Controllers to start; if empty, all whose joints no other controller has.",
+        text="Controllers to start; if empty, all in the order of the file whose joints are not claimed yet.",
         max_length=100,
         live=False,
     )
@@ -29,19 +29,19 @@ class ControllerManagerParameters(Parameters, frozen=True, kw_only=True):
         0,
         200,
         "Hz",
-        "Control rate, in lockstep a whole number of physics steps; 0 takes the file's, or else 100 Hz.",
+        "Control rate; in lockstep, its period is a whole number of physics steps. 0: the file's rate, else 100 Hz.",
         live=False,
     )
     duration: float = param(
-        0.1, 0.02, 1, "s", "How long joints obey a command without another; at least two control periods."
+        0.1, 0.02, 1, "s", "How long joints follow a command unless another arrives; at least two control periods."
     )
-    state_timeout: float = param(0.1, 0.02, 1, "s", "Command nothing when the joints were not heard for this long.")
+    state_timeout: float = param(0.1, 0.02, 1, "s", "Stop commanding when no joint states have arrived for this long.")
     command_timeout: float = param(
         0.0,
         0,
         60,
         "s",
-        "Stop joints whose velocity or effort was not commanded for this long; 0, as in ROS, never does.",
+        "Stop joints without a new velocity or effort command for this long; 0, as in ROS, disables it.",
     )
 
 

@@ -69,7 +69,7 @@ TYPES: dict[str, ControllerType] = {
 ROS_2_TRAJECTORY = "joint_trajectory_controller/JointTrajectoryController"
 FORWARD_COMMAND = "forward_command_controller/ForwardCommandController"
 
-OF_THE_SIMULATION = {
+REPLACED_BY_SIMULATION = {
     "diff_drive_controller/DiffDriveController": "the simulation drives the base by cmd_vel itself",
     "imu_sensor_controller/ImuSensorController": "the simulation publishes imu itself",
     "imu_sensor_broadcaster/IMUSensorBroadcaster": "the simulation publishes imu itself",

@@ -13,7 +13,7 @@ from models.yaml_reader import YamlSource, read_yaml
 from services.controller_manager.config import (
     DEFAULT_RATE,
     FORWARD_COMMAND,
-    OF_THE_SIMULATION,
+    REPLACED_BY_SIMULATION,
     ROS_2_TRAJECTORY,
     TYPES,
     ControllerConfig,
@@ -107,7 +107,7 @@ def is_text(config: str) -> bool:
     return config.lstrip().startswith("{")
 
 
-def read_stated(config: str, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
+def load_config(config: str, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
     """Read the controllers of ``config``, the path of a file or its content; raises BadInput."""
     if is_text(config):
         return parse_config(Path("config"), config, namespace, chosen)
@@ -196,15 +196,18 @@ class _Reader:
             return found
         own = [each for each in found if self._is_own(each)]
         if own:
-            self._notes.append(f"{self._source.path}: the controllers of {_names(others)} are those of other robots")
+            self._notes.append(
+                f"{self._source.path}: the controllers of {_names(others)} are ignored: they belong to other robots"
+            )
             return own
         if len(others) > 1:
             raise BadInput(
-                f"{self._source.path}: there are controllers of {_names(others)}, and none of the robot "
+                f"{self._source.path}: there are only controllers of {_names(others)}, none of the robot "
                 f"/{self._namespace}"
             )
         self._notes.append(
-            f"{self._source.path}: its namespace is /{others.pop()}, the robot's /{self._namespace}, which counts"
+            f"{self._source.path}: the namespace /{others.pop()} of its controllers is ignored: they run in the "
+            f"robot's, /{self._namespace}"
         )
         self._namespace = found[0].namespace
         return found
@@ -235,12 +238,12 @@ class _Reader:
             self._notes.append(f"{self._source.location(*path)}: {found.name} is not a controller with a type{near}")
             return None
         where = self._source.location(*type_path)
-        if type_name in OF_THE_SIMULATION:
-            self._notes.append(f"{where}: {found.name} is left out: {OF_THE_SIMULATION[type_name]}")
+        if type_name in REPLACED_BY_SIMULATION:
+            self._notes.append(f"{where}: {found.name} is skipped: {REPLACED_BY_SIMULATION[type_name]}")
             return None
         if type_name not in TYPES:
             if self._chosen and found.name not in self._chosen:
-                self._notes.append(f"{where}: {found.name} is left out: there is no type {type_name}")
+                self._notes.append(f"{where}: {found.name} is skipped: unknown type {type_name}")
                 return None
             error = unknown_name("type of controller", type_name, TYPES, f"{where}: {found.name}")
             raise BadInput(f'{error}; to leave it out, name those to run: controllers = ["NAME"]')
@@ -256,25 +259,25 @@ class _Reader:
                 return self._group_controller(each, table, path, head)
             case "trajectory":
                 return self._trajectory_controller(each, table, path, head)
-        stated = self._table(table, _StateTable, path, ("joints", "interfaces", "extra_joints"))
-        self._joint_state_rate = stated.publish_rate or self._joint_state_rate
+        parsed = self._table(table, _StateTable, path, ("joints", "interfaces", "extra_joints"))
+        self._joint_state_rate = parsed.publish_rate or self._joint_state_rate
         return ControllerConfig(**head._asdict(), kind="state", interface=each.interface, commanded=each.commanded)
 
     def _joint_controller(
         self, each: ControllerType, table: dict[str, Any], path: Path_, head: _Head
     ) -> ControllerConfig:
-        stated = self._table(table, _JointTable, path)
+        parsed = self._table(table, _JointTable, path)
         gains = {}
         if each.pid:
-            if stated.pid is None:
+            if parsed.pid is None:
                 raise BadInput(f"{head.where}: {head.name}: a {head.type} needs gains: pid: {{p: …}}")
-            gains[stated.joint] = self._checked(stated.pid, (*path, "pid"))
+            gains[parsed.joint] = self._checked(parsed.pid, (*path, "pid"))
         return ControllerConfig(
             **head._asdict(),
             kind="joint",
             interface=each.interface,
             commanded=each.commanded,
-            joints=(stated.joint,),
+            joints=(parsed.joint,),
             gains=gains,
         )
 
@@ -283,14 +286,14 @@ class _Reader:
     ) -> ControllerConfig:
         joints = table.get("joints")
         of_joints = [joint for joint in joints if isinstance(joint, str)] if isinstance(joints, list) else []
-        stated = self._table(table, _GroupTable, path, of_joints)
-        self._check_joints(stated.joints, path)
+        parsed = self._table(table, _GroupTable, path, of_joints)
+        self._check_joints(parsed.joints, path)
         interface, commanded = each.interface, each.commanded
         if head.type == FORWARD_COMMAND:
-            interface = commanded = self._interface(stated.interface_name, (*path, "interface_name"))
+            interface = commanded = self._interface(parsed.interface_name, (*path, "interface_name"))
         gains: dict[str, Gains] = {}
         if each.pid:
-            for joint in stated.joints:
+            for joint in parsed.joints:
                 pid = table.get(joint, {}).get("pid") if isinstance(table.get(joint), dict) else None
                 if pid is None:
                     raise BadInput(
@@ -299,63 +302,63 @@ class _Reader:
                     )
                 gains |= self._gains({joint: pid}, path, ("pid",))
         return ControllerConfig(
-            **head._asdict(), kind="group", interface=interface, commanded=commanded, joints=stated.joints, gains=gains
+            **head._asdict(), kind="group", interface=interface, commanded=commanded, joints=parsed.joints, gains=gains
         )
 
     def _trajectory_controller(
         self, each: ControllerType, table: dict[str, Any], path: Path_, head: _Head
     ) -> ControllerConfig:
-        stated = self._table(table, _TrajectoryTable, path)
-        self._check_joints(stated.joints, path)
+        parsed = self._table(table, _TrajectoryTable, path)
+        self._check_joints(parsed.joints, path)
         ros_2, interface = head.type == ROS_2_TRAJECTORY, each.interface
         if ros_2:
-            if not stated.command_interfaces:
-                raise BadInput(f"{head.where}: {head.name}: command_interfaces is missing: [position] for one")
-            names = [self._interface(name, (*path, "command_interfaces")) for name in stated.command_interfaces]
+            if not parsed.command_interfaces:
+                raise BadInput(f"{head.where}: {head.name}: command_interfaces is missing, for example [position]")
+            names = [self._interface(name, (*path, "command_interfaces")) for name in parsed.command_interfaces]
             interface = "position" if "position" in names else names[0]
         gains = {}
         if interface != "position":
-            for joint in stated.joints:
-                if joint not in stated.gains:
+            for joint in parsed.joints:
+                if joint not in parsed.gains:
                     raise BadInput(
                         f"{head.where}: {head.name}: {interface} needs gains for each joint: "
                         f"gains: {{{joint}: {{p: …}}}}"
                     )
-                made = self._checked(stated.gains[joint], (*path, "gains", joint))
-                ff = stated.velocity_ff.get(joint, made.ff_velocity_scale)
-                gains[joint] = msgspec.structs.replace(made, ff_velocity_scale=ff)
+                stated = self._checked(parsed.gains[joint], (*path, "gains", joint))
+                ff = parsed.velocity_ff.get(joint, stated.ff_velocity_scale)
+                gains[joint] = msgspec.structs.replace(stated, ff_velocity_scale=ff)
         return ControllerConfig(
             **head._asdict(),
             kind="trajectory",
             interface=interface,
             commanded="position",
-            joints=stated.joints,
+            joints=parsed.joints,
             gains=gains,
-            trajectory=self._trajectory(stated, path, ros_2),
+            trajectory=self._trajectory(parsed, path, ros_2),
         )
 
-    def _trajectory(self, stated: _TrajectoryTable, path: Path_, ros_2: bool) -> TrajectoryConfig:
+    def _trajectory(self, parsed: _TrajectoryTable, path: Path_, ros_2: bool) -> TrajectoryConfig:
         here = (*path, "constraints")
         times, joints = {}, {}
-        for name, value in stated.constraints.items():
+        for name, value in parsed.constraints.items():
             if name in ("goal_time", "stopped_velocity_tolerance"):
                 times[name] = self._convert(value, NonNegative, (*here, name))
-            elif name in stated.joints:
+            elif name in parsed.joints:
                 joints[name] = self._table(value, Tolerance, (*here, name))
             else:
-                known = (*stated.joints, "goal_time", "stopped_velocity_tolerance")
+                known = (*parsed.joints, "goal_time", "stopped_velocity_tolerance")
                 raise unknown_name("constraint", name, known, self._source.location(*here, name))
-        if stated.interpolation_method not in ("splines", "none"):
+        if parsed.interpolation_method not in ("splines", "none"):
             known = ("splines", "none")
             where = self._source.location(*path, "interpolation_method")
-            raise unknown_name("interpolation", stated.interpolation_method, known, where)
+            raise unknown_name("interpolation", parsed.interpolation_method, known, where)
         return TrajectoryConfig(
             constraints=joints,
-            state_publish_rate=stated.state_publish_rate,
-            action_monitor_rate=stated.action_monitor_rate,
-            allow_partial_joints_goal=stated.allow_partial_joints_goal,
-            allow_nonzero_velocity_at_trajectory_end=stated.allow_nonzero_velocity_at_trajectory_end,
-            splines=stated.interpolation_method == "splines",
+            state_publish_rate=parsed.state_publish_rate,
+            action_monitor_rate=parsed.action_monitor_rate,
+            allow_partial_joints_goal=parsed.allow_partial_joints_goal,
+            allow_nonzero_velocity_at_trajectory_end=parsed.allow_nonzero_velocity_at_trajectory_end,
+            splines=parsed.interpolation_method == "splines",
             waits_for_goal=ros_2,
             **times,
         )
@@ -373,18 +376,19 @@ class _Reader:
 
     def _gains(self, table: Any, path: Path_, below: Path_ = ()) -> dict[str, Gains]:
         """Return gains by joint."""
-        made = {}
+        gains = {}
         for joint, each in self._convert(table, dict[str, Any], path).items():
             here = (*path, joint, *below)
-            made[joint] = self._checked(self._table(each, Gains, here), here)
-        return made
+            gains[joint] = self._checked(self._table(each, Gains, here), here)
+        return gains
 
     def _checked(self, gains: Gains, path: Path_) -> Gains:
         if not (gains.p or gains.i or gains.d):
-            raise BadInput(f"{self._source.location(*path)}: none of the gains p, i and d is stated")
+            raise BadInput(f"{self._source.location(*path)}: none of the gains p, i and d is set")
         if gains.i and gains.bounds == (0.0, 0.0):
             self._notes.append(
-                f"{self._source.location(*path)}: i = {gains.i:g} has no effect, as i_clamp bounds its share to 0"
+                f"{self._source.location(*path)}: i = {gains.i:g} has no effect, as i_clamp = 0 clamps the integral "
+                "term to 0"
             )
         return gains
 
@@ -396,9 +400,9 @@ class _Reader:
             for key in table:
                 if key not in known:
                     near = did_you_mean(str(key), sorted(fields))
-                    self._notes.append(f"{self._source.location(*path, key)}: {key} is not known and ignored{near}")
-        made: T = self._convert(table, record, path)
-        return made
+                    self._notes.append(f"{self._source.location(*path, key)}: unknown key {key} is ignored{near}")
+        result: T = self._convert(table, record, path)
+        return result
 
     def _convert(self, value: Any, kind: Any, path: Path_) -> Any:
         try:

@@ -43,7 +43,7 @@ def shortest_angle(start: float, end: float) -> float:
 
 
 class CommandLimiter:
-    """Clamps commands to the limits of the URDF; ``limited`` counts the clamped ones, and ``warn`` is given the reason.
+    """Clamps commands to the limits of the URDF; ``warn`` is called with the reason.
 
     A velocity limit of 0 or none means unlimited, as in most URDFs; ``effort`` is clamped without a warning, since the
     output of a PID often exceeds its limit.
@@ -51,38 +51,36 @@ class CommandLimiter:
 
     def __init__(self, warn: Callable[[str], None]) -> None:
         self.limits: Mapping[str, JointLimits] = {}
-        self.limited = 0
         self._warn = warn
 
     def is_continuous(self, joint: str) -> bool:
         """Whether a joint is continuous."""
         return joint in self.limits and self.limits[joint].kind == "continuous"
 
-    def error(self, joint: str, wanted: float, position: float) -> float:
-        """Return ``wanted`` minus ``position`` [rad or m], the shorter way round for continuous joints."""
-        return shortest_angle(position, wanted) if self.is_continuous(joint) else wanted - position
+    def error(self, joint: str, desired: float, position: float) -> float:
+        """Return ``desired`` minus ``position`` [rad or m], the shorter way round for continuous joints."""
+        return shortest_angle(position, desired) if self.is_continuous(joint) else desired - position
 
     def position(self, controller: str, joint: str, value: float) -> float:
         """Clamp a position [rad or m] to the joint's range."""
         limits = self.limits.get(joint, _NONE)
         low = -math.inf if limits.lower is None else limits.lower
         high = math.inf if limits.upper is None else limits.upper
-        return self._within(controller, joint, "position", value, low, high)
+        return self._clamp(controller, joint, "position", value, low, high)
 
     def velocity(self, controller: str, joint: str, value: float) -> float:
         """Clamp a velocity [rad/s or m/s] to the joint's limit."""
-        most = self.limits.get(joint, _NONE).velocity or math.inf
-        return self._within(controller, joint, "velocity", value, -most, most)
+        limit = self.limits.get(joint, _NONE).velocity or math.inf
+        return self._clamp(controller, joint, "velocity", value, -limit, limit)
 
     def effort(self, joint: str, value: float) -> float:
         """Clamp an effort [N m or N] to the joint's limit."""
         limit = self.limits.get(joint, _NONE).effort
         return value if limit is None else max(-limit, min(limit, value))
 
-    def _within(self, controller: str, joint: str, what: str, value: float, low: float, high: float) -> float:
+    def _clamp(self, controller: str, joint: str, what: str, value: float, low: float, high: float) -> float:
         if low <= value <= high:
             return value
-        self.limited += 1
         bound = low if value < low else high
         self._warn(f"{controller}: the {what} {value:g} of {joint} is clamped to {bound:g}, its limit in the URDF")
         return bound

@@ -16,7 +16,7 @@ from messages.topics import Quality, Topic
 from services.controller_manager.controller import Due, Ports
 from services.runtime.action_goals import Goals
 
-LARGEST = 1 << 20
+MAX_TRAJECTORY_BYTES = 1 << 20
 """Maximum size of a trajectory [bytes]."""
 STATUS_RATE = 5.0
 """Status rate [Hz], as actionlib's ``status_frequency``; a change is published at once."""
@@ -31,15 +31,15 @@ class FollowJointTrajectoryServer:
 
         self._name, self.goals = f"{controller}/follow_joint_trajectory", Goals()
         self._goals_in = ports.stream(
-            topic("goal", FollowJointTrajectoryActionGoal, Quality.EVENT, "trajectory to follow", LARGEST)
+            topic("goal", FollowJointTrajectoryActionGoal, Quality.EVENT, "trajectory to follow", MAX_TRAJECTORY_BYTES)
         )
-        self._cancels = ports.stream(topic("cancel", GoalID, Quality.EVENT, "goals to give up"))
+        self._cancels = ports.stream(topic("cancel", GoalID, Quality.EVENT, "goals to cancel"))
         self._status = ports.advertise(topic("status", GoalStatusArray, Quality.LATCHED, "states of the goals"))
         self._feedback = ports.advertise(
-            topic("feedback", FollowJointTrajectoryActionFeedback, Quality.SENSOR, "how far the active goal is")
+            topic("feedback", FollowJointTrajectoryActionFeedback, Quality.SENSOR, "progress of the active goal")
         )
         self._results = ports.advertise(
-            topic("result", FollowJointTrajectoryActionResult, Quality.EVENT, "how a goal ended")
+            topic("result", FollowJointTrajectoryActionResult, Quality.EVENT, "outcome of a goal")
         )
         self._status_due, self._feedback_due = Due(STATUS_RATE), Due(feedback_rate)
         self.active = ""
@@ -64,7 +64,7 @@ class FollowJointTrajectoryServer:
     def accept(self, goal: str, now: int) -> None:
         """Accept a pending goal; the active one is preempted."""
         if self.active:
-            self.end(Status.PREEMPTED, now, "a newer trajectory takes its place")
+            self.end(Status.PREEMPTED, now, "preempted by a newer trajectory")
         self.goals.accept(goal)
         self.active = goal
 

@@ -44,12 +44,12 @@ class JointController:
             )
             self._states = ports.advertise(topic)
         self._due = Due(STATE_RATE)
-        self._wanted: dict[str, float] = {}
+        self._set_points: dict[str, float] = {}
         self._commanded_at: int | None = None
         self._last_state: JointControllerState | None = None
 
     def read(self, now: int, refusal: str) -> None:
-        """Process the newest command."""
+        """Process the received commands; the newest valid one counts."""
         for stream in self._commands:
             for message in stream.drain():
                 values = (message.data,) if isinstance(message, Float64) else message.data
@@ -57,24 +57,24 @@ class JointController:
                     self._ports.warn(f"{self.config.name}: a command is refused: {refusal}")
                 elif len(values) != len(self.config.joints):
                     self._ports.warn(
-                        f"{self.config.name}: a command of {len(values)} numbers is refused: it has "
+                        f"{self.config.name}: a command of {len(values)} numbers is refused: the controller has "
                         f"{len(self.config.joints)} joints ({', '.join(self.config.joints)})"
                     )
                 else:
-                    self._wanted = {j: self._limited(j, v) for j, v in zip(self.config.joints, values, strict=True)}
+                    self._set_points = {j: self._limited(j, v) for j, v in zip(self.config.joints, values, strict=True)}
                     self._commanded_at = now
 
     def start(self, state: RobotState, now: int) -> None:
         """Hold the joints at their positions, or at rest."""
         held = self.config.commanded == "position"
-        self._wanted = {joint: state[joint].position if held else 0.0 for joint in self.config.joints}
+        self._set_points = {joint: state[joint].position if held else 0.0 for joint in self.config.joints}
         self._commanded_at = None
         for pid in self._pids.values():
             pid.reset()
 
     def halt(self, reason: str, now: int) -> None:
         """Discard the command."""
-        self._wanted, self._last_state, self._commanded_at = {}, None, None
+        self._set_points, self._last_state, self._commanded_at = {}, None, None
 
     def update(self, state: RobotState, now: int, dt: float) -> list[JointTarget]:
         """Return the targets of the joints."""
@@ -82,8 +82,8 @@ class JointController:
         silent = 0.0 if self._commanded_at is None else (now - self._commanded_at) / 1e9
         if self.config.commanded != "position" and 0 < timeout < silent:
             self._ports.warn(f"{self.config.name}: no command for {timeout:g} s, its joints are stopped")
-            self._wanted, self._commanded_at = dict.fromkeys(self._wanted, 0.0), None
-        return [self._target(joint, wanted, state, now, dt) for joint, wanted in self._wanted.items()]
+            self._set_points, self._commanded_at = dict.fromkeys(self._set_points, 0.0), None
+        return [self._target(joint, set_point, state, now, dt) for joint, set_point in self._set_points.items()]
 
     def publish(self, now: int) -> None:
         """Publish the state of the joint."""
@@ -99,31 +99,31 @@ class JointController:
                 return limiter.velocity(name, joint, value)
         return value
 
-    def _target(self, joint: str, wanted: float, state: RobotState, now: int, dt: float) -> JointTarget:
+    def _target(self, joint: str, set_point: float, state: RobotState, now: int, dt: float) -> JointTarget:
         reading, interface, limiter = state[joint], self.config.interface, self._ports.limiter
         pid = self._pids.get(joint)
         if pid is None:
-            value = wanted
+            value = set_point
             if interface == "position":
-                value = reading.position + limiter.error(joint, wanted, reading.position)
+                value = reading.position + limiter.error(joint, set_point, reading.position)
             return JointTarget(joint_name=joint, interface=interface, value=value)
         measured = reading.position if self.config.commanded == "position" else reading.velocity
-        error = wanted - measured
+        error = set_point - measured
         if self.config.commanded == "position":
-            error = limiter.error(joint, wanted, measured)
+            error = limiter.error(joint, set_point, measured)
         command = pid.step(error, dt if dt <= MAX_GAP_S else 0.0)
         if interface == "effort":
             command = limiter.effort(joint, command)
-        self._last_state = _state(pid.params, wanted, measured, reading.velocity, error, dt, command, now)
+        self._last_state = _state(pid.params, set_point, measured, reading.velocity, error, dt, command, now)
         return JointTarget(joint_name=joint, interface=interface, value=command)
 
 
 def _state(
-    p: PidParameters, wanted: float, measured: float, rate: float, error: float, dt: float, command: float, now: int
+    p: PidParameters, set_point: float, measured: float, rate: float, error: float, dt: float, command: float, now: int
 ) -> JointControllerState:
     return JointControllerState(
         header=Header(stamp=Time.of(now)),
-        set_point=wanted,
+        set_point=set_point,
         process_value=measured,
         process_value_dot=rate,
         error=error,

@@ -48,7 +48,7 @@ Announce = Callable[[str, PidParameters], PidSource]
 
 
 class JointPid:
-    """A PID with the semantics of control_toolbox; ``last_error`` is the error of the last step."""
+    """A PID with the semantics of control_toolbox."""
 
     def __init__(self, source: PidSource) -> None:
         self._source = source
@@ -61,12 +61,11 @@ class JointPid:
 
     def reset(self) -> None:
         """Reset the integral and the last error."""
-        self._state, self.last_error = INITIAL_PID_STATE, 0.0
+        self._state = INITIAL_PID_STATE
 
     def step(self, error: float, dt: float, error_rate: float | None = None) -> float:
         """Return the command for ``error`` after ``dt`` [s]; without ``error_rate``, the errors are differentiated."""
         p = self.params
         gains = PidGains(p.p, p.i, p.d, p.i_clamp_min, p.i_clamp_max, p.antiwindup)
         command, self._state = pid_command(gains, self._state, error, dt, error_rate)
-        self.last_error = error
         return command

@@ -11,7 +11,7 @@ from messages.topics import JOINT_COMMAND, JOINT_FEEDBACK, ROBOT_DESCRIPTION, ST
 from models.urdf import parse_urdf
 from services.controller_manager import ControllerManagerParameters
 from services.controller_manager.config import ManagerConfig
-from services.controller_manager.config_file import read_stated
+from services.controller_manager.config_file import load_config
 from services.controller_manager.controller import CommandLimiter, Ports, RobotState, robot_state
 from services.controller_manager.joint_pid import PidParameters, PidSource
 from services.controller_manager.manager import ControllerManager
@@ -21,7 +21,7 @@ from services.runtime.parameters.client import ParameterClient
 from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.step import STEP_NS
 
-FASTEST = 200.0
+MAX_RATE = 200.0
 """Maximum control rate [Hz], the rate of the physics; files for hardware may ask for more."""
 MIN_PERIODS = 2
 """Minimum duration of a command in periods, so that a late tick does not end it."""
@@ -35,7 +35,7 @@ def run(ctx: Context[ControllerManagerParameters]) -> None:
     """Command the joints until asked to stop, then release them to the simulation, which holds them."""
     if not ctx.params.config:
         raise BadInput("config is missing: the YAML file of the controllers")
-    config = read_stated(ctx.params.config, ctx.namespace, ctx.params.controllers)
+    config = load_config(ctx.params.config, ctx.namespace, ctx.params.controllers)
     for note in config.notes:
         ctx.log.info(note)
     loop = _ManagerLoop(ctx, config)
@@ -46,11 +46,11 @@ def run(ctx: Context[ControllerManagerParameters]) -> None:
         loop.release(ctx.now)
 
 
-def control_rate(asked: float, config: ManagerConfig, lockstep: bool) -> float:
-    """Return the control rate [Hz]: ``asked``, or else the file's, at most FASTEST; in lockstep, the file's is rounded
-    down so that its period is a whole number of physics steps."""
-    rate = min(asked or config.update_rate, FASTEST)
-    if not lockstep or asked:
+def control_rate(requested: float, config: ManagerConfig, lockstep: bool) -> float:
+    """Return the control rate [Hz]: ``requested``, or else the file's, at most MAX_RATE; in lockstep, the file's is
+    rounded down so that its period is a whole number of physics steps."""
+    rate = min(requested or config.update_rate, MAX_RATE)
+    if not lockstep or requested:
         return rate
     steps = -(-round(1e9 / rate) // STEP_NS)
     return 1e9 / (steps * STEP_NS)
@@ -85,7 +85,7 @@ class _ManagerLoop:
         )
         self._manager = ControllerManager(config, ctx.params.controllers, ports)
         ctx.serve(LIST_CONTROLLERS, self._manager.list_controllers)
-        ctx.serve(SWITCH_CONTROLLER, lambda asked: self._manager.switch_controller(asked, ctx.now))
+        ctx.serve(SWITCH_CONTROLLER, lambda request: self._manager.switch_controller(request, ctx.now))
         ctx.log.info(f"running {', '.join(self._manager.running)} at {self.rate:g} Hz")
 
     def step(self, tick: Tick) -> None:
@@ -101,7 +101,7 @@ class _ManagerLoop:
         self._manager.stopped_by = self._stopped_by()
         state = self._joints(now)
         if state is None:
-            self._manager.halt("the joints are not heard any more", now)
+            self._manager.halt("no joint states are arriving any more", now)
         elif self._manager.stopped_by:
             self._manager.halt(self._manager.stopped_by, now)
         else:
@@ -121,10 +121,10 @@ class _ManagerLoop:
         """Subscribe to a set of gains of the parameter service; the file's gains count as the fleet's values."""
         node = self._ctx.node
         fields = {each: getattr(params, each) for each in params.__struct_fields__}
-        followed = ParameterSubscription(node, node.identity.resolve(name), params, fleet=fields)
-        followed.start(wait=ParameterClient.of(node).expected)
-        self._gains.append(followed)
-        return lambda: followed.params
+        subscription = ParameterSubscription(node, node.identity.resolve(name), params, fleet=fields)
+        subscription.start(wait=ParameterClient.of(node).expected)
+        self._gains.append(subscription)
+        return lambda: subscription.params
 
     def _read_description(self) -> None:
         """Process the robot's URDF when a new one is published.
@@ -172,7 +172,7 @@ class _ManagerLoop:
             what = "joint_feedback" if self._described else "robot_description"
             self._ctx.log.warn(
                 f"nothing on {self._ctx.namespace.rstrip('/')}/{what}, commanding nothing: is the robot in the "
-                "simulation, and has it joints beside its wheels?",
+                "simulation, and does it have joints besides its wheels?",
                 every=WARN_PERIOD_S,
             )
         return None

@@ -83,14 +83,14 @@ class ControllerManager:
             )
         )
 
-    def switch_controller(self, asked: SwitchController, now: int = 0) -> SwitchControllerResponse:
+    def switch_controller(self, request: SwitchController, now: int = 0) -> SwitchControllerResponse:
         """Stop some controllers and start others; raises BadInput, with nothing changed, if that is impossible."""
-        best_effort = asked.strictness == BEST_EFFORT
-        for name in (*asked.start_controllers, *asked.stop_controllers):
+        best_effort = request.strictness == BEST_EFFORT
+        for name in (*request.start_controllers, *request.stop_controllers):
             if not best_effort:
                 self._check_name(name)
-        stop = [name for name in asked.stop_controllers if name in self.running]
-        start = [name for name in asked.start_controllers if name in self._configs]
+        stop = [name for name in request.stop_controllers if name in self.running]
+        start = [name for name in dict.fromkeys(request.start_controllers) if name in self._configs]
         if not best_effort:
             left = [name for name in self.running if name not in stop]
             self._check_claims((*left, *(name for name in start if name not in left)))

@@ -16,7 +16,7 @@ Coefficients = tuple[float, float, float, float, float, float]
 
 
 class JointPoint(NamedTuple):
-    """Positions [rad or m], velocities [1/s] and accelerations [1/s2] of joints; None if unspecified."""
+    """Positions [rad or m] of joints, velocities [rad/s or m/s], accelerations [rad/s2 or m/s2]; None: unspecified."""
 
     positions: Values
     velocities: Values | None = None
@@ -143,7 +143,7 @@ def _polynomial(c: Sequence[float], t: float) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True)
-class JointLimit:
+class StateTolerance:
     """Maximum error of one joint in position [rad or m] and velocity [rad/s or m/s]; 0 for no limit."""
 
     position: float = 0.0
@@ -155,8 +155,8 @@ class Tolerances:
     """Tolerances by joint: ``path`` applies on the way, ``goal`` at the end, which must be reached within ``goal_time``
     [s] after it was due; None waits without limit."""
 
-    path: Mapping[str, JointLimit] = field(default_factory=dict)
-    goal: Mapping[str, JointLimit] = field(default_factory=dict)
+    path: Mapping[str, StateTolerance] = field(default_factory=dict)
+    goal: Mapping[str, StateTolerance] = field(default_factory=dict)
     goal_time: float | None = 0.0
 
 
@@ -165,27 +165,26 @@ def default_tolerances(joints: Iterable[str], config: TrajectoryConfig) -> Toler
     path, goal = {}, {}
     for joint in joints:
         if (stated := config.constraints.get(joint)) is not None and stated.trajectory:
-            path[joint] = JointLimit(stated.trajectory)
-        goal[joint] = JointLimit(stated.goal if stated is not None else 0.0, config.stopped_velocity_tolerance)
+            path[joint] = StateTolerance(stated.trajectory)
+        goal[joint] = StateTolerance(stated.goal if stated is not None else 0.0, config.stopped_velocity_tolerance)
     unlimited = config.waits_for_goal and not config.goal_time
     return Tolerances(path, goal, None if unlimited else config.goal_time)
 
 
-def goal_tolerances(goal: FollowJointTrajectoryGoal, own: Tolerances, joints: tuple[str, ...]) -> Tolerances:
-    """Return the tolerances of a goal: its own take precedence; 0 keeps the controller's, a negative value means no
-    limit.
+def goal_tolerances(goal: FollowJointTrajectoryGoal, defaults: Tolerances, joints: tuple[str, ...]) -> Tolerances:
+    """Return the tolerances of a goal, which override the controller's ``defaults``; 0 keeps the default, a negative
+    value means no limit.
 
     Raises BadInput for a joint that the controller does not have.
     """
     time = goal.goal_time_tolerance.ns / 1e9
-    goal_time = own.goal_time if time == 0 else None if time < 0 else time
-    return Tolerances(
-        _replaced(own.path, goal.path_tolerance, joints), _replaced(own.goal, goal.goal_tolerance, joints), goal_time
-    )
+    goal_time = defaults.goal_time if time == 0 else None if time < 0 else time
+    path = _replaced(defaults.path, goal.path_tolerance, joints)
+    return Tolerances(path, _replaced(defaults.goal, goal.goal_tolerance, joints), goal_time)
 
 
 def violation(
-    limits: Mapping[str, JointLimit], joints: tuple[str, ...], errors: Iterable[float], rates: Iterable[float]
+    limits: Mapping[str, StateTolerance], joints: tuple[str, ...], errors: Iterable[float], rates: Iterable[float]
 ) -> str:
     """Describe the first violated limit; empty if there is none."""
     for joint, error, rate in zip(joints, errors, rates, strict=True):
@@ -200,13 +199,13 @@ def violation(
 
 
 def _replaced(
-    own: Mapping[str, JointLimit], stated: Iterable[JointTolerance], joints: tuple[str, ...]
-) -> dict[str, JointLimit]:
-    limits = dict(own)
+    defaults: Mapping[str, StateTolerance], stated: Iterable[JointTolerance], joints: tuple[str, ...]
+) -> dict[str, StateTolerance]:
+    limits = dict(defaults)
     for each in stated:
         if each.name not in joints:
             raise unknown_name("joint", each.name, joints, "tolerance")
-        limit = limits.get(each.name, JointLimit())
+        limit = limits.get(each.name, StateTolerance())
         if each.position:
             limit = replace(limit, position=max(0.0, each.position))
         if each.velocity:

@@ -15,7 +15,7 @@ from messages.topics import Quality, Topic
 from messages.trajectory import JointTrajectory, JointTrajectoryPoint
 from services.controller_manager.config import ROS_2_TRAJECTORY, ControllerConfig
 from services.controller_manager.controller import MAX_GAP_S, Due, Ports, RobotState
-from services.controller_manager.follow_joint_trajectory import LARGEST, FollowJointTrajectoryServer
+from services.controller_manager.follow_joint_trajectory import MAX_TRAJECTORY_BYTES, FollowJointTrajectoryServer
 from services.controller_manager.joint_pid import JointPid, PidParameters
 from services.controller_manager.trajectory import (
     Sampled,
@@ -38,11 +38,18 @@ class TrajectoryController:
 
     def __init__(self, config: ControllerConfig, ports: Ports) -> None:
         assert config.trajectory is not None
-        self.config, self._terms, self._ports = config, config.trajectory, ports
+        self.config, self._settings, self._ports = config, config.trajectory, ports
         name = config.name
         self._commands = [
             ports.stream(
-                Topic(f"{name}/{each}", JointTrajectory, 0, Quality.EVENT, "trajectory of the joints", LARGEST)
+                Topic(
+                    f"{name}/{each}",
+                    JointTrajectory,
+                    0,
+                    Quality.EVENT,
+                    "trajectory of the joints",
+                    MAX_TRAJECTORY_BYTES,
+                )
             )
             for each in ("command", "joint_trajectory")
         ]
@@ -52,20 +59,20 @@ class TrajectoryController:
                 Topic(
                     f"{name}/{each}",
                     JointTrajectoryControllerState,
-                    self._terms.state_publish_rate,
+                    self._settings.state_publish_rate,
                     Quality.SENSOR,
                     "desired and actual state of the joints",
                 )
             )
             for each in names
         ]
-        self._server = FollowJointTrajectoryServer(name, self._terms.action_monitor_rate, ports)
+        self._server = FollowJointTrajectoryServer(name, self._settings.action_monitor_rate, ports)
         self._pids = {
             joint: JointPid(ports.announce(config.gain_set(joint), PidParameters.of(gains)))
             for joint, gains in config.gains.items()
         }
-        self._state_due = Due(self._terms.state_publish_rate)
-        self._own_tolerances = default_tolerances(config.joints, self._terms)
+        self._state_due = Due(self._settings.state_publish_rate)
+        self._own_tolerances = default_tolerances(config.joints, self._settings)
         self._tolerances = self._own_tolerances
         self._trajectory: Trajectory | None = None
         self._actual: Values = ()
@@ -75,13 +82,13 @@ class TrajectoryController:
         """Process the received cancellations, then goals, then trajectories from topics, each in order of arrival."""
         for goal in self._server.cancelled(now):
             if goal == self._server.active:
-                self._server.end(Status.PREEMPTED, now, "it was cancelled")
+                self._server.end(Status.PREEMPTED, now, "cancelled on request")
                 self._hold(now)
         for goal_id, message in self._server.received(now):
-            self._take_goal(goal_id.id, message.goal, now, refusal)
+            self._handle_goal(goal_id.id, message.goal, now, refusal)
         for stream in self._commands:
             for trajectory in stream.drain():
-                self._take_command(trajectory, now, refusal)
+                self._handle_command(trajectory, now, refusal)
 
     def start(self, state: RobotState, now: int) -> None:
         """Hold the joints where they are."""
@@ -102,16 +109,15 @@ class TrajectoryController:
         joints, limiter = self.config.joints, self._ports.limiter
         self._actual = tuple(state[joint].position for joint in joints)
         rates = tuple(state[joint].velocity for joint in joints)
-        wanted = self._trajectory.at(now)
-        errors = self._errors(wanted)
-        rate_errors = tuple(one - other for one, other in zip(wanted.velocities, rates, strict=True))
-        if self._server.active and self._judge(errors, rate_errors, now):
-            wanted = self._trajectory.at(now)
-            errors = self._errors(wanted)
-        self._last_feedback = self._feedback(wanted, rates, errors, rate_errors, now)
+        desired = self._trajectory.at(now)
+        errors, rate_errors = self._errors(desired), _rate_errors(desired, rates)
+        if self._server.active and self._check_goal(errors, rate_errors, now):
+            desired = self._trajectory.at(now)
+            errors, rate_errors = self._errors(desired), _rate_errors(desired, rates)
+        self._last_feedback = self._feedback(desired, rates, errors, rate_errors, now)
         targets = []
         for index, joint in enumerate(joints):
-            error, rate = errors[index], wanted.velocities[index]
+            error, rate = errors[index], desired.velocities[index]
             if (pid := self._pids.get(joint)) is not None:
                 command = pid.params.ff_velocity_scale * rate
                 command += pid.step(error, dt if dt <= MAX_GAP_S else 0.0, rate_errors[index])
@@ -119,8 +125,8 @@ class TrajectoryController:
                     command = limiter.effort(joint, command)
                 targets.append(JointTarget(joint_name=joint, interface=self.config.interface, value=command))
                 continue
-            goal = limiter.position(self.config.name, joint, wanted.positions[index])
-            if goal != wanted.positions[index]:
+            goal = limiter.position(self.config.name, joint, desired.positions[index])
+            if goal != desired.positions[index]:
                 rate = 0.0
             goal = self._actual[index] + limiter.error(joint, goal, self._actual[index])
             targets.append(JointTarget(joint_name=joint, interface="position", value=goal, rate=rate))
@@ -141,14 +147,14 @@ class TrajectoryController:
                 publisher.publish(state)
         self._server.publish(now, self._last_feedback)
 
-    def _take_goal(self, goal: str, asked: FollowJointTrajectoryGoal, now: int, refusal: str) -> None:
+    def _handle_goal(self, goal: str, goal_message: FollowJointTrajectoryGoal, now: int, refusal: str) -> None:
         if refusal or self._trajectory is None:
             text = refusal or "the controller has not started yet"
             self._server.reject(goal, now, TrajectoryError.INVALID_GOAL, text)
             return
         try:
-            tolerances = goal_tolerances(asked, self._own_tolerances, self.config.joints)
-            planned = self._plan(asked.trajectory, now, goal)
+            tolerances = goal_tolerances(goal_message, self._own_tolerances, self.config.joints)
+            planned = self._plan(goal_message.trajectory, now, goal)
         except BadTrajectory as error:
             self._refuse_goal(goal, now, error.code, str(error))
         except BadInput as error:
@@ -161,7 +167,7 @@ class TrajectoryController:
         self._ports.warn(f"{self.config.name}: a goal is rejected: {text}")
         self._server.reject(goal, now, code, text)
 
-    def _take_command(self, message: JointTrajectory, now: int, refusal: str) -> None:
+    def _handle_command(self, message: JointTrajectory, now: int, refusal: str) -> None:
         try:
             if refusal or self._trajectory is None:
                 raise BadInput(refusal or "the controller has not started yet")
@@ -169,7 +175,7 @@ class TrajectoryController:
         except BadInput as error:
             self._ports.warn(f"{self.config.name}: a trajectory is refused: {error}")
             return
-        self._server.end(Status.PREEMPTED, now, "a newer trajectory takes its place")
+        self._server.end(Status.PREEMPTED, now, "preempted by a newer trajectory")
         if planned is None:
             self._hold(now)
         else:
@@ -179,16 +185,16 @@ class TrajectoryController:
         assert self._trajectory is not None
         joints = self.config.joints
         continuous = [joint for joint in joints if self._ports.limiter.is_continuous(joint)]
-        return plan(message, joints, continuous, self._terms, self._trajectory, now, goal)
+        return plan(message, joints, continuous, self._settings, self._trajectory, now, goal)
 
-    def _errors(self, wanted: Sampled) -> Values:
+    def _errors(self, desired: Sampled) -> Values:
         limiter = self._ports.limiter
         return tuple(
             limiter.error(joint, one, other)
-            for joint, one, other in zip(self.config.joints, wanted.positions, self._actual, strict=True)
+            for joint, one, other in zip(self.config.joints, desired.positions, self._actual, strict=True)
         )
 
-    def _judge(self, errors: Values, rate_errors: Values, now: int) -> bool:
+    def _check_goal(self, errors: Values, rate_errors: Values, now: int) -> bool:
         """End the active goal if it is reached or violated; return whether its trajectory was aborted."""
         trajectory, joints, server = self._trajectory, self.config.joints, self._server
         assert trajectory is not None
@@ -201,7 +207,7 @@ class TrajectoryController:
             code = TrajectoryError.PATH_TOLERANCE_VIOLATED
         else:
             if not (why := violation(self._tolerances.goal, joints, errors, rate_errors)):
-                server.end(Status.SUCCEEDED, now, "it is reached")
+                server.end(Status.SUCCEEDED, now, "goal reached")
                 return False
             limit = self._tolerances.goal_time
             if limit is None or now < trajectory.end + limit * 1e9:
@@ -219,7 +225,7 @@ class TrajectoryController:
             self._trajectory = hold(self._actual, now)
 
     def _feedback(
-        self, wanted: Sampled, rates: Values, errors: Values, rate_errors: Values, now: int
+        self, desired: Sampled, rates: Values, errors: Values, rate_errors: Values, now: int
     ) -> FollowJointTrajectoryFeedback:
         assert self._trajectory is not None
         since = Duration.of(now - self._trajectory.segments[0].start)
@@ -227,11 +233,15 @@ class TrajectoryController:
             header=Header(stamp=Time.of(now)),
             joint_names=self.config.joints,
             desired=JointTrajectoryPoint(
-                positions=wanted.positions,
-                velocities=wanted.velocities,
-                accelerations=wanted.accelerations,
+                positions=desired.positions,
+                velocities=desired.velocities,
+                accelerations=desired.accelerations,
                 time_from_start=since,
             ),
             actual=JointTrajectoryPoint(positions=self._actual, velocities=rates, time_from_start=since),
             error=JointTrajectoryPoint(positions=errors, velocities=rate_errors, time_from_start=since),
         )
+
+
+def _rate_errors(desired: Sampled, rates: Values) -> Values:
+    return tuple(one - other for one, other in zip(desired.velocities, rates, strict=True))

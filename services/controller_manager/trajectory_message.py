@@ -69,12 +69,12 @@ def plan(
             "A stamp of 0 begins at once",
         )
     start = max(begin, now)
-    wanted = current.at(start)
-    offsets = _wrap(ahead[0][1], order, joints, continuous, wanted)
+    desired = current.at(start)
+    offsets = _wrap(ahead[0][1], order, joints, continuous, desired)
     segments: list[Segment] = []
-    at, before = start, JointPoint(*wanted)
+    at, before = start, JointPoint(*desired)
     for time, each in ahead:
-        point = _point(each, order, wanted, offsets)
+        point = _point(each, order, desired, offsets)
         segments.append(segment(at, time, before, point, goal, config.splines))
         at, before = time, point
     kept = current.until(now, start) if start > now else ()
@@ -134,11 +134,11 @@ def _wrap(
     order: list[int | None],
     joints: tuple[str, ...],
     continuous: Collection[str],
-    wanted: Sampled,
+    desired: Sampled,
 ) -> Values:
     """Return the offset [rad] of each joint's positions with which it turns at most half a turn to the first point."""
     offsets = []
-    for joint, place, position in zip(joints, order, wanted.positions, strict=True):
+    for joint, place, position in zip(joints, order, desired.positions, strict=True):
         turns = 0
         if place is not None and joint in continuous:
             turns = round((position - first.positions[place]) / math.tau)
@@ -146,10 +146,10 @@ def _wrap(
     return tuple(offsets)
 
 
-def _point(point: JointTrajectoryPoint, order: list[int | None], wanted: Sampled, offsets: Values) -> JointPoint:
+def _point(point: JointTrajectoryPoint, order: list[int | None], desired: Sampled, offsets: Values) -> JointPoint:
     """Return a point in the order of the controller's joints; unnamed joints stay at their desired positions."""
     positions = tuple(
-        wanted.positions[joint] if place is None else point.positions[place] + offsets[joint]
+        desired.positions[joint] if place is None else point.positions[place] + offsets[joint]
         for joint, place in enumerate(order)
     )
 

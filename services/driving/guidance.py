@@ -7,6 +7,9 @@ from typing import NamedTuple
 
 from messages.se2 import Pose2, Twist2
 
+STANDSTILL = Twist2(0.002, 0.02)
+"""Measured speeds below which a robot counts as standing."""
+
 
 class Segment(NamedTuple):
     """The straight line from (x0, y0) to (x1, y1), m."""
@@ -37,41 +40,41 @@ class Segment(NamedTuple):
         return math.hypot(self.x1 - here.x, self.y1 - here.y)
 
 
-def stopping_speed(left: float, top: float, deceleration: float, lag: float) -> float:
-    """Return the highest speed that still stops within ``left``, at most ``top``.
+def stopping_speed(remaining: float, max_speed: float, deceleration: float, lag: float) -> float:
+    """Return the highest speed that still stops within ``remaining``, at most ``max_speed``.
 
-    It solves left = v^2 / (2 deceleration) + v lag for v: constant deceleration far away, and an exponential approach
-    with the time constant ``lag`` at the end, so that the loop's delay causes no overshoot.
+    It solves remaining = v^2 / (2 deceleration) + v lag for v: constant deceleration far away, and an exponential
+    approach with the time constant ``lag`` at the end, so that the loop's delay causes no overshoot.
 
     Args:
-        left: Remaining distance [m or rad].
-        top: Maximum speed [m/s or rad/s].
+        remaining: Remaining distance [m or rad].
+        max_speed: Maximum speed [m/s or rad/s].
         deceleration: Deceleration [m/s^2 or rad/s^2].
         lag: Time constant of the final approach [s].
     """
-    if left <= 0:
+    if remaining <= 0:
         return 0.0
     soft = deceleration * lag
-    return min(top, math.sqrt(soft * soft + 2 * deceleration * left) - soft)
+    return min(max_speed, math.sqrt(soft * soft + 2 * deceleration * remaining) - soft)
 
 
-def turn_rate(error: float, top: float, acceleration: float, lag: float) -> float:
+def turn_rate(error: float, max_speed: float, acceleration: float, lag: float) -> float:
     """Return the turn rate [rad/s] that corrects a heading ``error`` [rad] and comes to rest there."""
-    return math.copysign(stopping_speed(abs(error), top, acceleration, lag), error)
+    return math.copysign(stopping_speed(abs(error), max_speed, acceleration, lag), error)
 
 
-def line_of_sight_heading(leg: Segment, here: Pose2, lookahead: float) -> float:
+def line_of_sight_heading(segment: Segment, here: Pose2, lookahead: float) -> float:
     """Return the heading [rad] back onto the segment within a ``lookahead`` [m]: heading - atan(offset / lookahead).
 
     It never points away from the segment's end: both the remaining distance and the offset decrease along it.
     """
-    _, offset = leg.remaining_and_offset(here)
-    return leg.heading - math.atan(offset / lookahead)
+    _, offset = segment.remaining_and_offset(here)
+    return segment.heading - math.atan(offset / lookahead)
 
 
-def limit_slew(last: Twist2, wanted: Twist2, rise: float, fall: float, spin: float) -> Twist2:
-    """Return ``wanted``, at most ``rise`` [m/s] above, ``fall`` [m/s] below and ``spin`` [rad/s] off ``last``."""
+def limit_slew(last: Twist2, target: Twist2, rise: float, fall: float, spin: float) -> Twist2:
+    """Return ``target``, at most ``rise`` [m/s] above, ``fall`` [m/s] below and ``spin`` [rad/s] off ``last``."""
     return Twist2(
-        max(last.v - fall, min(last.v + rise, wanted.v)),
-        max(last.w - spin, min(last.w + spin, wanted.w)),
+        max(last.v - fall, min(last.v + rise, target.v)),
+        max(last.w - spin, min(last.w + spin, target.w)),
     )

@@ -35,7 +35,7 @@ INITIAL_PID_STATE = PidState()
 
 
 def pid_command(
-    gains: PidGains, memory: PidState, error: float, dt: float, error_rate: float | None = None
+    gains: PidGains, state: PidState, error: float, dt: float, error_rate: float | None = None
 ) -> tuple[float, PidState]:
     """Return the command for ``error`` (desired minus measured) over ``dt`` [s], and the new state.
 
@@ -43,18 +43,17 @@ def pid_command(
     non-finite error or a ``dt`` that is not positive yields 0 and leaves the state unchanged.
     """
     if not isfinite(error) or not isfinite(dt) or dt <= 0.0:
-        return 0.0, memory
-    integral = memory.integral + error * dt
+        return 0.0, state
+    integral = state.integral + error * dt
     if gains.antiwindup and gains.i:
         low, high = sorted((gains.i_min / gains.i, gains.i_max / gains.i))
         integral = _clamp(low, integral, high)
-    share = gains.i * integral
+    integral_term = gains.i * integral
     if not gains.antiwindup:
-        share = _clamp(gains.i_min, share, gains.i_max)
-    slope = error_rate
-    if slope is None:
-        slope = 0.0 if memory.error is None else (error - memory.error) / dt
-    command = gains.p * error + share + gains.d * slope
+        integral_term = _clamp(gains.i_min, integral_term, gains.i_max)
+    if error_rate is None:
+        error_rate = 0.0 if state.error is None else (error - state.error) / dt
+    command = gains.p * error + integral_term + gains.d * error_rate
     return _clamp(-gains.limit, command, gains.limit), PidState(integral, error)
 
 

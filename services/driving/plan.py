@@ -111,11 +111,11 @@ class PlanReporter:
         return True
 
 
-def plan_to_pose(asked: PoseStamped, frame: str) -> Plan:
+def plan_to_pose(goal_pose: PoseStamped, frame: str) -> Plan:
     """Return the plan to a pose with its heading; raises BadInput unless it is in the world or the odom ``frame``."""
-    if asked.header.frame_id not in ("", "world", frame):
-        raise BadInput(f"goal refused: its frame {asked.header.frame_id!r} is neither 'world' nor {frame!r}")
-    return Plan((Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw),))
+    if goal_pose.header.frame_id not in ("", "world", frame):
+        raise BadInput(f"goal refused: its frame {goal_pose.header.frame_id!r} is neither 'world' nor {frame!r}")
+    return Plan((Goal(goal_pose.pose.position.x, goal_pose.pose.position.y, goal_pose.pose.orientation.yaw),))
 
 
 def path_message(plan: Plan, header: Header) -> Path:

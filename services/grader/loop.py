@@ -70,6 +70,7 @@ def run(ctx: Context[GraderParameters]) -> None:
     try:
         for tick in ctx.ticks(rate):
             if tick.reset:
+                arms |= {each.robot: each.arm for each in watched if isinstance(each, ArmStreams)}
                 graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces, sizes)
             if markers.value is not None and (markers.value is not shown or not graded.clearance.world_known):
                 if markers.value is not shown:
@@ -142,7 +143,7 @@ class ArmStreams:
     """The subscriptions of one arm, with its controller's largest effort from the parameter set next to its state."""
 
     def __init__(self, ctx: Context[GraderParameters], robot: str, namespace: str, arm: ArmSpec) -> None:
-        self._robot, self._arm = robot, arm
+        self.robot, self.arm = robot, arm
         self._joints = ctx.stream(JOINT_STATES.of(namespace))
         self._control = ctx.stream(CONTROL_STATE.named(arm.state))
         self._parameter_updates = ctx.stream(UPDATES.of(arm.state.rpartition("/")[0]))
@@ -152,10 +153,10 @@ class ArmStreams:
         for values in self._parameter_updates.drain():
             saturation = {each.name: each.value for each in values.values}.get("saturation")
             if isinstance(saturation, float | int) and not isinstance(saturation, bool):
-                self._arm = msgspec.structs.replace(self._arm, saturation=float(saturation))
-                graded.set_arm(now, self._robot, self._arm)
-        graded.add_messages(MessageKind.JOINTS, self._robot, self._joints.drain())
-        graded.add_messages(MessageKind.CONTROL, self._robot, self._control.drain())
+                self.arm = msgspec.structs.replace(self.arm, saturation=float(saturation))
+                graded.set_arm(now, self.robot, self.arm)
+        graded.add_messages(MessageKind.JOINTS, self.robot, self._joints.drain())
+        graded.add_messages(MessageKind.CONTROL, self.robot, self._control.drain())
 
 
 class ReferredArmStreams:

@@ -71,15 +71,23 @@ class MessageLosses:
         """Return the messages lost by readers on all topics."""
         return saturating_add(0, sum(each.total for (node, _), each in self._processes.items() if self._counts(node)))
 
-    def robot_losses(self, namespace: str, apart: Collection[str] = ()) -> int:
-        """Return the messages lost by readers on the topics in a namespace, except those in the namespaces ``apart``.
+    def robot_losses(self, namespace: str, apart: Collection[str] = (), controller: str = "") -> int:
+        """Return the messages lost by readers on the topics in a namespace, except those in the namespaces ``apart``,
+        and on those in the namespace of the robot's ``controller``.
 
         For the root, these are the topics of a robot there, e.g. ``/odom``.
         """
-        wanted = absolute_namespace(namespace)
+        own = absolute_namespace(namespace)
+        within = f"{absolute_namespace(controller)}/" if controller else None
         counting = (each for (node, _), each in self._processes.items() if self._counts(node))
         return saturating_add(
-            0, sum(lost for each in counting for at, lost in each.by_topic.items() if _lies_in(at, wanted, apart))
+            0,
+            sum(
+                lost
+                for each in counting
+                for at, lost in each.by_topic.items()
+                if _lies_in(at, own, apart) or (within is not None and f"/{at}".startswith(within))
+            ),
         )
 
     def missed_ticks(self) -> dict[str, int]:
@@ -150,9 +158,9 @@ class Measurement:
         namespaces: Mapping[str, str] | None = None,
         sizes: Mapping[str, SizeSpec] | None = None,
     ) -> None:
-        bases, jointed = halting or {}, arms or {}
+        bases, arm_specs = halting or {}, arms or {}
         self.robots: dict[str, RobotMeter | ArmMeter] = {
-            name: ArmMeter(jointed[name]) if name in jointed else RobotMeter(reach_tolerance, bases.get(name))
+            name: ArmMeter(arm_specs[name]) if name in arm_specs else RobotMeter(reach_tolerance, bases.get(name))
             for name in sorted(robots)
         }
         self._finishing = frozenset(self.robots)
@@ -181,9 +189,9 @@ class Measurement:
                 )
                 self.add_messages(MessageKind.TRUTH, name, [truth])
 
-    def set_braking(self, stamp: int, robot: str, halting: BrakingSpec) -> None:
+    def set_braking(self, stamp: int, robot: str, braking: BrakingSpec) -> None:
         """Set how the base of a robot brakes from ``stamp`` [ns] on."""
-        self._pending.append((stamp, MessageKind.BRAKING, robot, halting))
+        self._pending.append((stamp, MessageKind.BRAKING, robot, braking))
 
     def set_arm(self, stamp: int, robot: str, arm: ArmSpec) -> None:
         """Set the specification of an arm from ``stamp`` [ns] on."""
@@ -234,10 +242,10 @@ class Measurement:
         return meter.result(lost, self.clearance.least.get(name))
 
     def _messages_lost(self, name: str) -> int:
-        jointed = isinstance(self.robots[name], ArmMeter)
+        meter = self.robots[name]
         spaces = {each: self._namespaces.get(each, f"/{each}") for each in self.robots}
-        own = self.losses.robot_losses(spaces.pop(name), spaces.values())
-        return own + (self.losses.robot_losses("/robot_control") if jointed else 0)
+        controller = meter.arm.state.rpartition("/")[0] if isinstance(meter, ArmMeter) else ""
+        return self.losses.robot_losses(spaces.pop(name), spaces.values(), controller)
 
     def _process(self, stamp: int, kind: MessageKind, name: str, message: GradedMessage) -> None:
         match self.robots[name], kind, message:

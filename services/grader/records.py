@@ -26,7 +26,7 @@ class CornerFigures(msgspec.Struct, frozen=True, kw_only=True):
     true: by ground truth; odometry: by the robot's own odometry, aligned with the world where the two first agreed.
     """
 
-    at_s: Annotated[float, _figure("simulation time at which the robot said so", "s")]
+    at_s: Annotated[float, _figure("simulation time at which the robot reported it", "s")]
     true_m: Annotated[float, _figure("true distance from the corner", "m")]
     true_deg: Annotated[
         float, Meta(description="true heading minus the requested one", extra_json_schema={"unit": "deg"})
@@ -51,8 +51,7 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
         Meta(description="nearest true distance to each point while it was the goal", extra_json_schema={"unit": "m"}),
     ]
     cross_track_rms_m: (
-        Annotated[float, _figure("root mean square over time of the distance to the two legs at the last point", "m")]
-        | None
+        Annotated[float, _figure("root mean square over time of the distance to the reference path", "m")] | None
     )
     cross_track_max_m: Annotated[float, _figure("largest distance to the reference path", "m")] | None
     odometry_error_max_m: (
@@ -76,9 +75,9 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
         Annotated[float, _figure("true speed at the last command before the longest of these stops", "m/s")] | None
     )
     stop_time_s: Annotated[float, _figure("time from that command to rest", "s")] | None
-    stop_distance_m: Annotated[float, _figure("true way from that command to rest", "m")] | None
-    stop_time_theory_s: Annotated[float, _figure("what the time should be: timeout + v / a", "s")] | None
-    stop_distance_theory_m: Annotated[float, _figure("what the way should be: v timeout + v^2 / 2a", "m")] | None
+    stop_distance_m: Annotated[float, _figure("true distance travelled from that command to rest", "m")] | None
+    stop_time_theory_s: Annotated[float, _figure("expected time: timeout + v / a", "s")] | None
+    stop_distance_theory_m: Annotated[float, _figure("expected distance: v timeout + v^2 / 2a", "m")] | None
     path_length_m: Annotated[float, _figure("length of the true path over ground", "m")]
     time_s: Annotated[float, _figure("simulation time at which the robot had finished its plan", "s")] | None
     min_distance_m: (
@@ -91,7 +90,7 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
         ]
         | None
     ) = None
-    min_clearance_at_s: Annotated[float, _figure("simulation time of that", "s")] | None = None
+    min_clearance_at_s: Annotated[float, _figure("simulation time of the smallest clearance", "s")] | None = None
     min_clearance_to: Annotated[str, Meta(description="the nearest body")] | None = None
     collisions: Annotated[int, _count("contacts with robots and obstacles, counted at their beginning")] | None
     commands_timed_out: Annotated[int, _count("times the base stopped because its command had grown too old")] | None
@@ -107,10 +106,12 @@ class StepFigures(msgspec.Struct, frozen=True, kw_only=True):
     at_s: Annotated[float, _figure("simulation time of the step", "s")]
     from_deg: Annotated[float, _signed("set-point before", "deg")]
     to_deg: Annotated[float, _signed("set-point after", "deg")]
-    final_deg: Annotated[float, _signed("true angle that it comes to: the mean of the last half second", "deg")]
+    final_deg: Annotated[float, _signed("true final angle: the mean over the last half second", "deg")]
     rise_s: Annotated[float, _figure("time from 10 to 90 % of the way to the final angle", "s")]
-    overshoot_percent: Annotated[float, _figure("way beyond the final angle, of the way there", "%")]
-    settling_s: Annotated[float, _figure("time after which it stays within 2 % of the way of the final angle", "s")]
+    overshoot_percent: Annotated[float, _figure("largest angle beyond the final one, relative to the change", "%")]
+    settling_s: Annotated[
+        float, _figure("time from the step until it stays within 2 % of the change around the final angle", "s")
+    ]
     steady_error_deg: Annotated[float, _figure("set-point less final angle, without sign", "deg")]
 
 
@@ -124,12 +125,15 @@ class ArmFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", ta
     step_settling_s: Annotated[float, _figure("of the largest step", "s")] | None
     step_steady_error_deg: Annotated[float, _figure("of the largest step", "deg")] | None
     tracking_rms_deg: (
-        Annotated[float, _figure("root mean square of the error in motion, but for its first second", "deg")] | None
+        Annotated[
+            float, _figure("root mean square of the error in motion, except the first second of each motion", "deg")
+        ]
+        | None
     )
     tracking_max_deg: Annotated[float, _figure("largest of these errors", "deg")] | None
-    effort_max_nm: Annotated[float, _figure("largest effort that was asked for", "N m")] | None
+    effort_max_nm: Annotated[float, _figure("largest effort that the controller requested", "N m")] | None
     effort_rms_nm: Annotated[float, _figure("root mean square of the effort", "N m")] | None
-    saturated_s: Annotated[float, _figure("time at the largest effort that the controller may ask for", "s")]
+    saturated_s: Annotated[float, _figure("time at the largest permitted effort", "s")]
     saturated_share: Annotated[float, _figure("its share of the time under control", "1")]
     control_gap_s: Annotated[float, _figure("longest time between two ticks of the controller", "s")] | None
     time_s: (

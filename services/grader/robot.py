@@ -157,16 +157,16 @@ class OdometryError:
 
 
 class RobotMeter:
-    """Metrics of one robot so far. ``halting`` is how its base brakes, if known.
+    """Metrics of one robot so far. ``braking`` is how its base brakes, if known.
 
     Plan and status wait for the next ground truth, since transforming a plan from the odom to the world frame requires
     it.
     """
 
-    def __init__(self, reach_tolerance: float, halting: BrakingSpec | None = None) -> None:
+    def __init__(self, reach_tolerance: float, braking: BrakingSpec | None = None) -> None:
         self.fingerprint, self.trail = Fingerprint(), Trail()
         self.progress, self.corner_metrics = PlanProgress(reach_tolerance), CornerMetrics()
-        self.stops = StopMetrics(halting)
+        self.stops = StopMetrics(braking)
         self.min_distance = math.inf
         self.odometry_error = OdometryError()
         self._base: BaseStatus | None = None
@@ -211,7 +211,7 @@ class RobotMeter:
 
     def result(self, messages_lost: int, clearance: Clearance | None = None) -> RobotFigures:
         """Return all figures so far; ``clearance`` is the smallest from the world's bodies, if measured."""
-        progress, drift, base = self.progress, self.odometry_error, self._base
+        progress, odometry_error, base = self.progress, self.odometry_error, self._base
         closure, stop = self.corner_metrics.closure, self.stops.longest
         return RobotFigures(
             points=len(progress.reached_at),
@@ -220,10 +220,10 @@ class RobotMeter:
             points_closest_m=tuple(None if math.isinf(each) else each for each in progress.closest_distances),
             cross_track_rms_m=progress.rms_cross_track,
             cross_track_max_m=progress.max_cross_track if progress.rms_cross_track is not None else None,
-            odometry_error_max_m=drift.max_distance,
-            odometry_error_final_m=drift.last_distance,
-            odometry_heading_error_max_deg=_degrees(drift.max_heading),
-            odometry_heading_error_final_deg=_degrees(drift.last_heading),
+            odometry_error_max_m=odometry_error.max_distance,
+            odometry_error_final_m=odometry_error.last_distance,
+            odometry_heading_error_max_deg=_degrees(odometry_error.max_heading),
+            odometry_heading_error_final_deg=_degrees(odometry_error.last_heading),
             corners=tuple(self.corner_metrics.corners),
             closure_m=closure.true_m,
             closure_heading_deg=closure.true_deg,

@@ -38,13 +38,13 @@ class Stop:
 class StopMetrics:
     """Measures each stop by ground truth. The status of the base is up to 0.2 s late, so samples are buffered.
 
-    ``halting`` is how the base currently brakes, if known.
+    ``braking`` is how the base currently brakes, if known.
     """
 
-    def __init__(self, halting: BrakingSpec | None = None) -> None:
+    def __init__(self, braking: BrakingSpec | None = None) -> None:
         self.count = 0
         self.longest = Stop()
-        self.braking = halting
+        self.braking = braking
         self._samples: deque[Sample] = deque(maxlen=MAX_SAMPLES)
         self._timed_out = 0
         self._last_command: int | None = None

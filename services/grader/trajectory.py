@@ -40,10 +40,10 @@ class Fingerprint:
 
 def trajectory_hash(fingerprints: Mapping[str, Fingerprint]) -> str:
     """Return one hexadecimal hash over all robots, in the order of their names."""
-    whole = hashlib.sha256()
+    combined = hashlib.sha256()
     for name in sorted(fingerprints):
-        whole.update(name.encode() + b"\0" + fingerprints[name].digest())
-    return whole.hexdigest()
+        combined.update(name.encode() + b"\0" + fingerprints[name].digest())
+    return combined.hexdigest()
 
 
 class Trail:

@@ -39,14 +39,14 @@ class LocalPlannerParameters(Parameters):
         0.005,
         1.0,
         "m",
-        "Radius of other robots at the height of the laser; what is wider is an obstacle that stands.",
+        "Radius of other robots at the height of the laser; wider objects count as fixed obstacles.",
     )
     overhang: float = param(
-        0.055, 0.0, 1.0, "m", "How far robots and obstacles may reach beyond what the laser sees of them."
+        0.055, 0.0, 1.0, "m", "How far robots and obstacles may extend beyond their outline at the height of the laser."
     )
     clearance: float = param(0.05, 0.02, 1.0, "m", "Distance to keep from everything seen.")
     view: float = param(1.6, 0.3, 10.0, "m", "Distance up to which robots and obstacles are considered.")
-    horizon: float = param(4.0, 0.5, 20.0, "s", "Time ahead in which a contact changes the course.")
+    horizon: float = param(4.0, 0.5, 20.0, "s", "Look-ahead time; later contacts are ignored.")
     patience: float = param(
         6.0, 1.0, 60.0, "s", "Time without progress after which the robot tries another direction for a while."
     )
@@ -55,7 +55,7 @@ class LocalPlannerParameters(Parameters):
         0.1,
         1.0,
         "s",
-        "Longest time from a scan to the motion that follows from it, for which speeds near others allow.",
+        "Maximum delay from a scan to the resulting motion; speeds near obstacles are limited accordingly.",
     )
     odometry_timeout: float = param(0.5, 0.1, 5.0, "s", "Stop the robot when odometry is older than this.")
     scan_timeout: float = param(0.5, 0.1, 5.0, "s", "Stop the robot when the laser scan is older than this.")
@@ -63,7 +63,7 @@ class LocalPlannerParameters(Parameters):
 
 SERVICE = Service(
     name="local_planner",
-    about="Drives a robot to its goals and avoids what its laser sees.",
+    about="Drives a robot to its goals and avoids obstacles that its laser detects.",
     run="services.local_planner.loop:run",
     rate=10,
     parameters=LocalPlannerParameters,

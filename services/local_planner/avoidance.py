@@ -48,30 +48,30 @@ class Velocity(NamedTuple):
     y: float
 
 
-STILL = Velocity(0.0, 0.0)
+ZERO_VELOCITY = Velocity(0.0, 0.0)
 
 
 def choose_velocity(
-    wanted: Velocity, moving: Velocity, before: Velocity, here: Pose2, around: Obstacles, p: LocalPlannerParameters
+    desired: Velocity, moving: Velocity, before: Velocity, here: Pose2, around: Obstacles, p: LocalPlannerParameters
 ) -> Velocity:
     """Return the velocity to choose among ``around``.
 
     Args:
-        wanted: The velocity without obstacles.
+        desired: The velocity without obstacles.
         moving: The present velocity.
         before: The velocity that was chosen last.
         here: The robot's pose.
         around: The present obstacles.
         p: The parameters.
     """
-    top = math.hypot(*wanted)
+    top = math.hypot(*desired)
     if not len(around.positions) or not top:
-        return wanted
-    angles = math.atan2(wanted.y, wanted.x) + _OFFSETS
+        return desired
+    angles = math.atan2(desired.y, desired.x) + _OFFSETS
     speeds = top * _SPEEDS
     x, y = speeds * np.cos(angles), speeds * np.sin(angles)
     soonest = np.maximum(_contact_times(x, y, moving, here, around, p).min(1), _SOONEST_S)
-    cost = np.hypot(x - wanted.x, y - wanted.y) / p.max_linear + _CHOICE_COST
+    cost = np.hypot(x - desired.x, y - desired.y) / p.max_linear + _CHOICE_COST
     cost += CHANGE_COST / p.max_linear * np.hypot(x - before.x, y - before.y)
     cost += CONTACT_COST * np.maximum(1 / soonest - 1 / p.horizon, 0.0)
     best = int(cost.argmin())
@@ -84,8 +84,8 @@ def _contact_times(
     """Return the time [s] until each candidate (m,) meets each obstacle (n,), shape (m, n); inf for never."""
     to_x, to_y = around.positions[:, 0] - here.x, around.positions[:, 1] - here.y
     vx, vy = around.velocities[:, 0], around.velocities[:, 1]
-    # A moving robot makes half of the change: with u, the contact is that with 2 u - moving while it keeps its
-    # velocity.
+    # Reciprocal: a moving robot is assumed to make half of the change, so candidate u is checked as 2 u - moving
+    # against its constant velocity.
     gain = np.where(around.robots & (np.hypot(vx, vy) > MOVING), 2.0, 1.0)
     rel_x = np.outer(x - moving.x, gain) + (moving.x - vx)
     rel_y = np.outer(y - moving.y, gain) + (moving.y - vy)

@@ -9,7 +9,7 @@ from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
 from services.driving.guidance import limit_slew, stopping_speed, turn_rate
 from services.driving.plan import Goal, Plan, Progress, State
 from services.local_planner import LocalPlannerParameters
-from services.local_planner.avoidance import STILL, Velocity, choose_velocity, forward_limit
+from services.local_planner.avoidance import ZERO_VELOCITY, Velocity, choose_velocity, forward_limit
 from services.local_planner.tracking import Obstacles
 
 APPROACH_LAG_S = 0.2
@@ -69,7 +69,7 @@ class LocalPlanner:
         self._index = 0
         self._done = False
         self._command = ZERO_TWIST
-        self._chosen = STILL
+        self._chosen = ZERO_VELOCITY
         self._detour = Detour(seed)
 
     def set_plan(self, plan: Plan) -> None:
@@ -83,7 +83,7 @@ class LocalPlanner:
 
     def hold(self) -> Progress:
         """Stand still while there is no odometry or no scan; afterwards, continue from where the robot is."""
-        self._command, self._chosen = ZERO_TWIST, STILL
+        self._command, self._chosen = ZERO_TWIST, ZERO_VELOCITY
         if not self.plan.goals:
             return Progress("idle", None)
         return Progress("waiting", ZERO_TWIST, self._index, len(self.plan.goals), self._goal)
@@ -109,13 +109,13 @@ class LocalPlanner:
         p, goal = self._params, self._goal
         distance = self._distance(here)
         if distance <= p.tolerance and goal.yaw is not None:
-            self._chosen = STILL
-            wanted = Twist2(0.0, self._turn(wrap(goal.yaw - here.yaw)))
+            self._chosen = ZERO_VELOCITY
+            target = Twist2(0.0, self._turn(wrap(goal.yaw - here.yaw)))
         else:
             self._detour.update(distance, dt, p.patience)
-            wanted = self._drive(here, moving, around, distance)
+            target = self._drive(here, moving, around, distance)
         self._command = limit_slew(
-            self._command, wanted, p.acceleration * dt, p.deceleration * dt, p.angular_acceleration * dt
+            self._command, target, p.acceleration * dt, p.deceleration * dt, p.angular_acceleration * dt
         )
         return self._progress("driving", here)
 

@@ -55,7 +55,7 @@ def run(ctx: Context[LocalPlannerParameters]) -> None:
             if now is None or scan is None or (laser := mount.pose(now, scan)) is None:
                 silence += tick.dt
                 if silence > p.odometry_timeout:
-                    missing = "odometry" if now is None else "laser scan" if scan is None else "place of the laser"
+                    missing = "odometry" if now is None else "laser scan" if scan is None else "transform to the laser"
                     ctx.log.warn(
                         f"no {missing} for {silence:.1f} s, standing still: is a robot with a laser in the simulation?",
                         every=5,

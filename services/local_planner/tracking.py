@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from messages.se2 import Pose2
 from services.local_planner.detection import NOTHING, Detections
+from services.markers.footprint import transform_points
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class Tracker:
 
     def update(self, stamp: int, laser: Pose2, seen: Detections) -> None:
         """Add a scan from the time ``stamp`` [ns], taken by a laser at ``laser`` in the odom frame."""
-        discs = _placed(laser, seen.discs)
+        discs = transform_points(laser, seen.discs)
         velocities = np.zeros_like(discs)
         dt = (stamp - self.stamp) / 1e9 if self.stamp is not None else 0.0
         if 0 < dt <= LONGEST_GAP_S and len(discs) and len(self._discs):
@@ -63,7 +63,7 @@ class Tracker:
             measured = (discs[same] - self._discs[before]) / dt
             velocities[same] = self._velocities[before] + SMOOTHING * (measured - self._velocities[before])
         self.stamp, self._discs, self._velocities = stamp, discs, velocities
-        self._points = _placed(laser, seen.points)
+        self._points = transform_points(laser, seen.points)
 
     def obstacles(self, now: int) -> Obstacles:
         """Return the obstacles at ``now`` [ns]; discs are assumed to keep their velocity since the last scan."""
@@ -77,10 +77,3 @@ class Tracker:
             np.concatenate((self._velocities, np.zeros_like(self._points))),
             np.arange(len(discs) + len(self._points)) < len(discs),
         )
-
-
-def _placed(frame: Pose2, points: Floats) -> Floats:
-    """Transform points (n, 2) from a frame to its parent."""
-    c, s = math.cos(frame.yaw), math.sin(frame.yaw)
-    x, y = points[:, 0], points[:, 1]
-    return np.column_stack((c * x - s * y + frame.x, s * x + c * y + frame.y))

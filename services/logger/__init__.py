@@ -29,7 +29,7 @@ class LoggerParameters(Parameters):
     file: str = param("", text="File to record to; run.rrd in the working directory if empty.", live=False)
     footer: bool = param(
         False,
-        text="End the file with a table of contents. The viewer does without; collecting it takes 0.2 MiB of memory "
+        text="End the file with an index (rrd footer). The viewer works without; collecting it takes 0.2 MiB of memory "
         "per minute and robot.",
         live=False,
     )

@@ -16,7 +16,8 @@ from messages.se2 import Pose2
 from messages.sensor import JointState, LaserScan
 from services.logger.reference_path import ReferencePath
 from services.logger.scans import ScanBuffer
-from services.logger.static_frames import transform_points, world_transform
+from services.logger.static_frames import world_transform
+from services.markers.footprint import transform_points
 from services.runtime.tf.buffer import TransformBuffer
 
 Floats = NDArray[np.float64]

@@ -175,7 +175,7 @@ class DisplayScene:
         model, channels = _FORMATS.get(image.encoding), image.step // image.width if image.width else 0
         if model is None or channels != len(model.name):
             self._report(
-                topic, f"an image of the encoding {image.encoding[:40]!r} is not shown (known: {', '.join(_FORMATS)})"
+                topic, f"images with encoding {image.encoding[:40]!r} are not supported (known: {', '.join(_FORMATS)})"
             )
             return
         pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, channels)
@@ -187,7 +187,7 @@ class DisplayScene:
         """Report once per topic why part of it is not displayed."""
         if topic not in self._warned:
             self._warned.add(topic)
-            self._warn(f"{topic} is not drawn whole: {text}")
+            self._warn(f"{topic} is not displayed completely: {text}")
 
 
 def _entity(topic: str, ns: str, number: int) -> str:

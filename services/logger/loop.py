@@ -120,7 +120,9 @@ def write_batches(
     """Write the collected columns, and warn about dropped rows."""
     recording.write({each.robot: each.columns.flush() for each in subscriptions}, last)
     if lost := sum(each.columns.dropped for each in subscriptions):
-        ctx.log.warn(f"{lost} rows were not recorded: more comes than is written, is the disk slow?", every=5.0)
+        ctx.log.warn(
+            f"{lost} rows were dropped, as messages arrive faster than they are written: is the disk slow?", every=5.0
+        )
 
 
 def show_live(ctx: Context[LoggerParameters], recording: Recording) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -15,9 +16,7 @@ from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.nav import Path as Plan
 from messages.rosgraph import Clock, Log
-from messages.se3 import IDENTITY, Pose3
 from messages.sensor import JointState, LaserScan
-from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import (
     CMD_VEL,
@@ -38,14 +37,12 @@ from services.logger.blueprint import Extent
 from services.logger.columns import RobotColumns
 from services.logger.display_scene import SHOWN, DisplayScene
 from services.logger.recording import Recording
-from services.runtime.errors import NoTransform
-from services.runtime.tf.buffer import TransformBuffer
+from services.runtime.tf.buffer import TransformBuffer, pose_in_world
 
 OWN_TOPICS = frozenset(
     each.name for each in (GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, SCAN, PLAN, STATUS, GOAL_POSE, IMAGE)
 )
 """Topics of robots; they are displayed as such or not at all."""
-WORLD = "world"
 BATCH_NS = 1_000_000_000
 """Simulated time of one batch [ns]."""
 
@@ -67,7 +64,7 @@ class RecordingBuilder:
         self._columns = {namespace: RobotColumns(frames=self._frames) for namespace, _ in robots}
         arms = [namespace for namespace, model in robots if not read_model(model).has_base]
         self._arm = self._columns[arms[0]] if len(arms) == 1 else None
-        self._displays = DisplayScene(self._recording.log_at, self._frame, warn)
+        self._displays = DisplayScene(self._recording.log_at, partial(pose_in_world, self._frames), warn)
         self._lines: list[Log] = []
         self._world_states: list[WorldStates] = []
         self._due, self._epoch, self._last = 0, -1, 0
@@ -115,13 +112,6 @@ class RecordingBuilder:
         if time_ns >= self._due:
             self._flush()
             self._due = time_ns + BATCH_NS
-
-    def _frame(self, header: Header) -> Pose3:
-        """Return the pose of a frame in the world by the static transforms; the identity for any other frame."""
-        try:
-            return self._frames.lookup(WORLD, header.frame_id).transform
-        except NoTransform:
-            return IDENTITY
 
     def _on_clock(self, clock: Clock) -> None:
         """Start a new timeline after a reset."""

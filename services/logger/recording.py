@@ -38,18 +38,18 @@ def open_sinks(
     Returns the viewer's URL and the problem with the live view; one of them is empty, without a port both. Raises
     BadInput if the file cannot be written.
     """
-    url, trouble = "", ""
-    if port is not None and (trouble := _port_error(port)) == "":
+    url, problem = "", ""
+    if port is not None and (problem := _port_error(port)) == "":
         server = rr.GrpcServerSink(HOST, port, server_memory_limit=f"{memory_mib}MiB")
         _connect(stream, layout, server, _file_sink(file, footer))
         try:
             stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
             url = server.uri
         except RuntimeError as error:
-            trouble = f"the server for viewers on {HOST}:{port} did not start: {error}"
+            problem = f"the server for viewers on {HOST}:{port} did not start: {error}"
     if not url:
         _connect(stream, layout, _file_sink(file, footer))
-    return url, trouble
+    return url, problem
 
 
 def _file_sink(file: Path, footer: bool) -> rr.FileSink:
@@ -166,11 +166,11 @@ class Recording:
         self._stream = rr.RecordingStream(APPLICATION)
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
-        self.url, trouble = open_sinks(
+        self.url, problem = open_sinks(
             self._stream, self.file, self._footer, self._port, self._memory_mib, self._layout()
         )
-        if trouble:
-            self._warn(f"{trouble}; the recording continues in {self.file}")
+        if problem:
+            self._warn(f"{problem}; the recording continues in {self.file}")
         self._stream.log("/", rr.CoordinateFrame("world"), rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for scene in scenes:
             scene.log_to(self._stream)

@@ -41,24 +41,26 @@ def repaired(rrd: Path, folder: Path) -> Path:
     """
     if not rrd.is_file():
         raise BadInput(f"no recording {rrd}")
-    trouble = _read_error(rrd)
-    if not trouble:
+    problem = _read_error(rrd)
+    if not problem:
         if not _has_times(rrd):
-            raise BadInput(f"{rrd} holds shapes alone, nothing at any time: its writer ended before the run began")
+            raise BadInput(f"{rrd} contains only static shapes: did its logger end before the run began?")
         return rrd
-    copy = folder / f"mended-{rrd.name}"
+    repaired_file = folder / f"repaired-{rrd.name}"
     try:
-        subprocess.run([RERUN, "rrd", "optimize", rrd, "-o", copy], capture_output=True, timeout=REPAIR_TIMEOUT_S)
+        subprocess.run(
+            [RERUN, "rrd", "optimize", rrd, "-o", repaired_file], capture_output=True, timeout=REPAIR_TIMEOUT_S
+        )
     except subprocess.TimeoutExpired:
         raise BadInput(f"{rrd} could not be repaired within {REPAIR_TIMEOUT_S:.0f} s of wall time") from None
-    if not copy.is_file() or _read_error(copy):
-        raise BadInput(f"{rrd} is not a recording that can be shown: {trouble}")
-    if not _has_times(copy):
+    if not repaired_file.is_file() or _read_error(repaired_file):
+        raise BadInput(f"{rrd} is not a recording that can be shown: {problem}")
+    if not _has_times(repaired_file):
         raise BadInput(
             f"{rrd} is cut off after {rrd.stat().st_size} bytes, before anything that moves was recorded, so there is "
-            f"nothing to show: was it copied whole? ({trouble})"
+            f"nothing to show: was it copied completely? ({problem})"
         )
-    return copy
+    return repaired_file
 
 
 def _read_error(rrd: Path) -> str:
@@ -143,12 +145,12 @@ def close_view(layout: Layout, radius: float, robot: str, place: Point) -> Layou
 
 
 def _eye(place: Point, radius: float) -> dict[str, list[float]]:
-    stands = radius <= 0
-    away = EYE_DISTANCE + EYE_DISTANCE_RADII * (ARM_LABEL_HEIGHT / 3 if stands else radius)
-    height = ARM_LABEL_HEIGHT / 2 if stands else radius / 2
+    is_arm = radius <= 0
+    away = EYE_DISTANCE + EYE_DISTANCE_RADII * (ARM_LABEL_HEIGHT / 3 if is_arm else radius)
+    height = ARM_LABEL_HEIGHT / 2 if is_arm else radius / 2
     target = [place[0], place[1], place[2] + height]
     # An arm swings in its x-z plane and is best viewed along y.
-    side = (-0.25, -0.9, 0.3) if stands else EYE_DIRECTION
+    side = (-0.25, -0.9, 0.3) if is_arm else EYE_DIRECTION
     return {
         "position": [each + away * part for each, part in zip(target, side, strict=True)],
         "look_target": target,
@@ -204,13 +206,13 @@ def _capture(
     """Take screenshots of ``file``, the recording ``rrd`` or its repaired copy."""
     with headless_viewer(file, size) as viewer:
         timeline, end = _timeline(viewer)
-        whole = wait_for_reply(partial(viewer.get_blueprint, of="recording")).blueprint
+        initial_layout = wait_for_reply(partial(viewer.get_blueprint, of="recording")).blueprint
         for shot in shots:
             now = end if shot.at is None else shot.at
-            layout = whole
+            layout = initial_layout
             if shot.robot:
                 place = robot_position(file, shot.robot, timeline, now)
-                layout = close_view(whole, robots[shot.robot], shot.robot, place)
+                layout = close_view(initial_layout, robots[shot.robot], shot.robot, place)
             wait_for_reply(partial(viewer.set_blueprint, layout, of="recording"))
             wait_for_reply(partial(viewer.set_time, timeline, duration=now, play_state="paused"))
             _write(shot.png, _cropped(_settled_image(viewer)))
@@ -242,7 +244,7 @@ def headless_viewer(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerC
         try:
             yield _loaded(process, f"rerun+http://127.0.0.1:{port}/proxy", rrd)
         except TimeoutError:
-            raise BadInput(f"no picture: the viewer did not answer in time about {rrd}: is the machine busy?") from None
+            raise BadInput(f"no screenshot: the viewer of {rrd} did not answer in time: is the machine busy?") from None
         except (RuntimeError, ConnectionError) as error:
             output.seek(0)
             raise BadInput(_failure_reason(output.read().decode(errors="replace"), str(error))) from None
@@ -328,8 +330,8 @@ def _write(png: Path, taken: bytes) -> None:
 
 def _cropped(taken: bytes) -> bytes:
     """Return the image without the viewer's menu, reduced to a palette."""
-    with Image.open(io.BytesIO(taken)) as whole, io.BytesIO() as out:
-        below = whole.convert("RGB").crop((0, MENU_HEIGHT, whole.width, whole.height))
+    with Image.open(io.BytesIO(taken)) as image, io.BytesIO() as out:
+        below = image.convert("RGB").crop((0, MENU_HEIGHT, image.width, image.height))
         palette = below.quantize(PALETTE_SIZE - len(COLOURS), Image.Quantize.MEDIANCUT)
         palette.putpalette(bytes([*(palette.getpalette() or []), *(part for each in COLOURS for part in each)]))
         below.quantize(palette=palette, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)

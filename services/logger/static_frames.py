@@ -2,20 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-from numpy.typing import NDArray
-
 from messages.se2 import Pose2
 from messages.se3 import IDENTITY, Pose3
 from services.runtime.errors import NoTransform
-from services.runtime.tf.buffer import TransformBuffer
-
-Floats = NDArray[np.float64]
-
-
-WORLD = "world"
+from services.runtime.tf.buffer import WORLD, TransformBuffer
 
 
 def world_transform(frames: TransformBuffer, frame: str) -> Pose2 | None:
@@ -25,13 +15,6 @@ def world_transform(frames: TransformBuffer, frame: str) -> Pose2 | None:
     if (found := mount_transform(frames, WORLD, frame)) is None:
         return None
     return Pose2(found.position[0], found.position[1], found.rpy[2])
-
-
-def transform_points(transform: Pose2, points: Floats) -> Floats:
-    """Transform points of shape (n, 2) [m] from a frame with the pose ``transform`` to its parent."""
-    c, s = math.cos(transform.yaw), math.sin(transform.yaw)
-    x, y = points[:, 0], points[:, 1]
-    return np.column_stack((c * x - s * y + transform.x, s * x + c * y + transform.y))
 
 
 def mount_transform(frames: TransformBuffer, base: str, frame: str) -> Pose3 | None:

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import Any
 
 from messages.records import RECORDS
-from messages.se3 import IDENTITY, Pose3
+from messages.se3 import Pose3
 from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import (
@@ -29,16 +29,14 @@ from services.logger import LoggerParameters
 from services.logger.columns import RobotColumns
 from services.logger.display_scene import SHOWN, DisplayScene
 from services.runtime.context import Context
-from services.runtime.errors import NoTransform
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.subscriber import Subscriber
-from services.runtime.tf.buffer import TransformBuffer
+from services.runtime.tf.buffer import TransformBuffer, pose_in_world
 from services.runtime.tf.listener import TransformListener
 
 SIMULATION = "/sim"
 """The node whose scans, images and transforms are displayed with its robots."""
 MAX_TOPICS = 64
-WORLD = "world"
 
 
 class RobotSubscriptions:
@@ -114,14 +112,7 @@ class DisplaySubscriptions:
 
     def frame(self, header: Header) -> Pose3:
         """Return the pose of a frame in the world; the identity if no transform connects it with the world."""
-        if header.frame_id.lstrip("/") in ("", WORLD):
-            return IDENTITY
-        for time in (header.stamp.ns or None, None):
-            try:
-                return self._frames.buffer.lookup(WORLD, header.frame_id, time).transform
-            except NoTransform:
-                continue
-        return IDENTITY
+        return pose_in_world(self._frames.buffer, header)
 
     def collect(self, scene: DisplayScene, now: int) -> None:
         """Display the messages received up to ``now`` [ns]."""

@@ -18,13 +18,13 @@ from services.runtime.errors import BadInput
 
 def run(ctx: Context[MapServerParameters]) -> None:
     """Publish at once, even before or without simulation time, and serve requests until asked to stop."""
-    grid, stated = read_grid(ctx.params)
-    for note in stated.notes:
+    grid, map_file = read_grid(ctx.params)
+    for note in map_file.notes:
         ctx.log.warn(note)
     ctx.publish(MAP, grid)
     ctx.publish(MAP_METADATA, grid.info)
     ctx.serve(STATIC_MAP, lambda _: GetMapResponse(map=grid))
-    ctx.log.info(f"{stated.image.name}: {grid.info.width} x {grid.info.height} cells of {grid.info.resolution:g} m")
+    ctx.log.info(f"{map_file.image.name}: {grid.info.width} x {grid.info.height} cells of {grid.info.resolution:g} m")
     ctx.node.clock_patience_s = math.inf
     for _ in ctx.ticks():
         pass
@@ -33,14 +33,14 @@ def run(ctx: Context[MapServerParameters]) -> None:
 def read_grid(p: MapServerParameters) -> tuple[OccupancyGrid, MapFile]:
     """Return the map named by the parameters, and its file; raises BadInput."""
     if not p.map:
-        raise BadInput("map_server: it needs a map: map=PATH of a map.yaml")
-    stated = read_map(Path(p.map).expanduser().absolute())
-    cells = read_occupancy(stated)
-    x, y, yaw = stated.origin
+        raise BadInput("map_server: no map is given: set map=PATH to a map.yaml")
+    map_file = read_map(Path(p.map).expanduser().absolute())
+    cells = read_occupancy(map_file)
+    x, y, yaw = map_file.origin
     info = MapMetaData(
-        resolution=stated.resolution,
+        resolution=map_file.resolution,
         width=cells.shape[1],
         height=cells.shape[0],
         origin=Pose(position=Point(x=x, y=y), orientation=Quaternion.from_yaw(yaw)),
     )
-    return OccupancyGrid(header=Header(frame_id=p.frame_id), info=info, data=tuple(cells.ravel().tolist())), stated
+    return OccupancyGrid(header=Header(frame_id=p.frame_id), info=info, data=tuple(cells.ravel().tolist())), map_file

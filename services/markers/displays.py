@@ -49,7 +49,7 @@ def _pose(message: PoseStamped) -> list[Marker]:
 
 def _poses(message: PoseArray) -> list[Marker]:
     arrows = [_arrow(message.header, pose, number, RED) for number, pose in enumerate(message.poses[:MAX_ELEMENTS])]
-    return [Marker(header=message.header, action=3), *arrows]
+    return [Marker(header=message.header, action=Marker.DELETEALL), *arrows]
 
 
 def _point(message: PointStamped) -> list[Marker]:
@@ -80,7 +80,7 @@ def _map(message: OccupancyGrid) -> list[Marker]:
             one = Vector3(x=1.0, y=1.0, z=1.0)
             shape = _marker(message.header, Marker.TRIANGLE_LIST, colour, one, number, pose, _points(corners))
             found.append(shape)
-    return [Marker(header=message.header, action=3), *found]
+    return [Marker(header=message.header, action=Marker.DELETEALL), *found]
 
 
 def _triangles(filled: NDArray[np.bool_], edge: float) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from messages.se2 import Pose2
 from messages.se3 import Pose3, Vector, rotate, rotated_axes
 
 Floats = NDArray[np.float64]
@@ -77,6 +78,13 @@ def points_footprint(pose: Pose3, points: Floats) -> Footprint:
     """Return the footprint of the convex hull of points, shape (n, 3) [m] in the frame with the pose ``pose``."""
     x, y, z = transformed(pose, points).T
     return Footprint(convex_hull(np.column_stack((x, y))), 0.0, float(z.min()), float(z.max()))
+
+
+def transform_points(transform: Pose2, points: Floats) -> Floats:
+    """Transform points of shape (n, 2) [m] from a frame with the pose ``transform`` to its parent."""
+    c, s = math.cos(transform.yaw), math.sin(transform.yaw)
+    x, y = points[:, 0], points[:, 1]
+    return np.column_stack((c * x - s * y + transform.x, s * x + c * y + transform.y))
 
 
 def transformed(pose: Pose3, points: Floats) -> Floats:

@@ -94,7 +94,7 @@ class WorldBody:
         """Points that span the convex hull of each marker with triangles, by its ID, shape (n, 3) [m] in its frame."""
         found = {}
         for marker in self.markers:
-            if marker.type in (Marker.TRIANGLE_LIST, Marker.MESH_RESOURCE):
+            if marker.type not in (Marker.CUBE, Marker.SPHERE, Marker.CYLINDER):
                 corners = marker_triangles(marker).reshape(-1, 3)
                 found[marker.id] = hull_points(Mesh(corners, np.empty((0, 3), np.int32)))
         return found
@@ -112,7 +112,7 @@ def marker_triangles(marker: Marker) -> Floats:
         mesh = read_mesh(_mesh_path(marker.mesh_resource))
         triangles = mesh.vertices[mesh.triangles]
     elif marker.type != Marker.TRIANGLE_LIST:
-        raise BadInput(f"the marker {name!r} has the type {marker.type}, which is not known here")
+        raise BadInput(f"the marker {name!r} has type {marker.type}, which is not supported here")
     elif not marker.points or len(marker.points) % 3:
         raise BadInput(f"the marker {name!r} has {len(marker.points)} points, not three for each triangle")
     else:

@@ -50,19 +50,19 @@ def token_for(path: Path | None, port: int) -> str:
     return earlier.token if earlier is not None and kept else secrets.token_urlsafe(24)
 
 
-def one_time_url(address: Address, within: float = 5.0) -> str:
+def one_time_url(address: Address, timeout: float = 5.0) -> str:
     """Request a URL that admits one browser once, without the token. Raises OSError if the page does not answer."""
     from http.client import HTTPConnection, HTTPException
 
-    link = HTTPConnection("127.0.0.1", address.port, timeout=within)
+    link = HTTPConnection("127.0.0.1", address.port, timeout=timeout)
     try:
         link.request("POST", "/ticket", headers={"Cookie": f"elea_panel_{address.port}={address.token}"})
         with link.getresponse() as answer:
             ticket = answer.read(200).decode("ascii", "replace")
             if answer.status != 200:
-                raise OSError(f"the page refuses its own token ({answer.status})")
+                raise OSError(f"the panel rejected its own token (HTTP {answer.status})")
     except HTTPException as error:
-        raise OSError(f"no answer of a web server ({error!r})") from None
+        raise OSError(f"port {address.port} did not answer as a web server ({error!r})") from None
     finally:
         link.close()
     return f"http://127.0.0.1:{address.port}/?once={ticket}"

@@ -81,37 +81,37 @@ class AuthMiddleware:
     """Refuses foreign hosts, pages of other origins, and sockets without the token; adds HEADERS to every response."""
 
     def __init__(self, app: ASGIApp, auth: Authenticator) -> None:
-        self._app, self._gate = app, auth
+        self._app, self._auth = app, auth
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
 
-        async def dressed(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] in ("http.response.start", "websocket.http.response.start"):
                 headers = MutableHeaders(scope=message)
                 for name, value in HEADERS.items():
                     headers.setdefault(name, value)
             await send(message)
 
-        refusal = self._reject_reason(scope)
-        if refusal:
-            await PlainTextResponse(refusal, 403)(scope, receive, dressed)
+        reason = self._reject_reason(scope)
+        if reason:
+            await PlainTextResponse(reason, 403)(scope, receive, send_with_headers)
         else:
-            await self._app(scope, receive, dressed)
+            await self._app(scope, receive, send_with_headers)
 
     def _reject_reason(self, scope: Scope) -> str:
         """Return why a request is refused; empty if it is accepted."""
         headers = Headers(scope=scope)
-        if headers.get("host", "") not in self._gate.hosts:
+        if headers.get("host", "") not in self._auth.hosts:
             return "this host name is not accepted: open the page as 127.0.0.1"
         if scope["type"] == "websocket":
-            if not self._gate.is_same_origin(headers):
+            if not self._auth.is_same_origin(headers):
                 return "a page of another origin may not connect to this one"
-            if not self._gate.cookie_is_valid(headers):
+            if not self._auth.cookie_is_valid(headers):
                 return "the token is missing or old: open the address that ./elea panel prints"
-        elif headers.get("origin") is not None and not self._gate.is_same_origin(headers):
+        elif headers.get("origin") is not None and not self._auth.is_same_origin(headers):
             return "a page of another origin may not read this one"
         return ""
 
@@ -126,7 +126,7 @@ class UnauthenticatedConnections:
     """Closes connections without the token that wait too long or are too many. Used in the web server's thread."""
 
     def __init__(self, auth: Authenticator) -> None:
-        self._gate = auth
+        self._auth = auth
         self._waiting: dict[asyncio.Transport, asyncio.TimerHandle] = {}
 
     def add(self, transport: asyncio.Transport) -> None:
@@ -140,7 +140,7 @@ class UnauthenticatedConnections:
         """Stop watching a connection whose last request has the token."""
         if transport not in self._waiting or protocol.scope is None:
             return
-        if self._gate.cookie_is_valid(Headers(raw=protocol.headers)) or self._gate.query_is_valid(dict(protocol.scope)):
+        if self._auth.cookie_is_valid(Headers(raw=protocol.headers)) or self._auth.query_is_valid(dict(protocol.scope)):
             self.remove(transport)
 
     def remove(self, transport: asyncio.Transport) -> None:

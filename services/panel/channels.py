@@ -40,9 +40,9 @@ class FleetChannel:
         self._usage = ProcessUsage()
         self._due = 0.0
 
-    def set_enabled(self, wanted: bool) -> None:
-        self._subscriptions.set_topics({self._topic: FLEET_STATE.quality.name} if wanted else {})
-        if not wanted:
+    def set_enabled(self, enabled: bool) -> None:
+        self._subscriptions.set_topics({self._topic: FLEET_STATE.quality.name} if enabled else {})
+        if not enabled:
             self._state = None
 
     def update(self, now: float) -> None:
@@ -107,7 +107,7 @@ class LogChannel:
         self._subscriptions.set_topics({self._topic: ROSOUT.quality.name})
         self._lines: deque[tuple[int, float, int, str, str, str]] = deque(maxlen=MAX_LINES)
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Do nothing: the log is always subscribed to."""
 
     def update(self, now: float) -> None:
@@ -137,9 +137,9 @@ class ParameterSetsChannel:
         self._known: dict[str, tuple[int, Any]] = {}
         self._reconciled = -1
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         self._reconciled = -1
-        if not wanted:
+        if not enabled:
             self._subscriptions.set_topics({})
             self._known = {}
 
@@ -194,7 +194,7 @@ class PosesChannel:
         """The number of new poses of the robots."""
         return self._robots.pose_version
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Do nothing: the hub enables the robots' topics."""
 
     def update(self, now: float) -> None:
@@ -222,7 +222,7 @@ class RobotsChannel:
         """The sum of the versions of the robots and the stops."""
         return self._robots.version + self._stops.version
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Do nothing: the hub enables the robots' topics."""
 
     def update(self, now: float) -> None:

@@ -34,9 +34,9 @@ class ClockChannel:
         self._last_received = 0.0
         self._silent = False
 
-    def set_enabled(self, wanted: bool) -> None:
-        self._subscriptions.set_topics({self._topic: CLOCK.quality.name} if wanted else {})
-        if not wanted:
+    def set_enabled(self, enabled: bool) -> None:
+        self._subscriptions.set_topics({self._topic: CLOCK.quality.name} if enabled else {})
+        if not enabled:
             self._seen.clear()
 
     def update(self, now: float) -> None:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from messages.geometry import PoseStamped, Twist, TwistStamped, Vector3
 from messages.se2 import Pose2
 from messages.std import Header, Time
-from messages.topics import CMD_VEL, GOAL_POSE, Quality, Topic
+from messages.topics import CMD_VEL, CMD_VEL_STAMPED, GOAL_POSE, Topic
 from services.driving.command_repeater import CommandRepeater
 from services.panel import PanelParameters
 from services.panel.pages import Page
@@ -25,9 +25,6 @@ from services.runtime.publisher import Publisher
 
 COMMAND_RATE = 20.0
 """Command rate [Hz of wall time] while the joystick is held."""
-
-CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
-"""``cmd_vel`` of bases that expect TwistStamped."""
 
 
 class DriveCommand(NamedTuple):

@@ -66,7 +66,7 @@ class EmergencyStopClient:
             if on:
                 return f"{robot} is stopped until it is reset"
             if ALL_ROBOTS in self._requested:
-                raise BadInput(f"all robots are stopped: {robot} moves again when that is reset")
+                raise BadInput(f"all robots are stopped: {robot} can move once that stop is reset")
             others = self.other_holders(robot)
         else:
             if on:
@@ -96,11 +96,11 @@ class EmergencyStopClient:
             robot = stop.topic.removesuffix(f"/{E_STOP.name}")
             self._holders.setdefault(robot, {})[stop.id] = stop.holder
         mine = {robot for robot, holders in self._holders.items() if self._own_id in holders}
-        life = origin.publisher[:MEMBER_BYTES] if origin is not None else b""
-        if life == self._simulation_id:
+        simulation_id = origin.publisher[:MEMBER_BYTES] if origin is not None else b""
+        if simulation_id == self._simulation_id:
             for robot in self._confirmed - mine:
                 self._drop(robot)
-        self._simulation_id, self._confirmed = life, mine - self._reset
+        self._simulation_id, self._confirmed = simulation_id, mine - self._reset
         for robot in self._confirmed - self._requested:
             self._publish(robot, True)
 

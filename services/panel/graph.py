@@ -86,7 +86,7 @@ class GraphChannel:
         """The version of the graph."""
         return self._graph.version
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Do nothing: tokens are always tracked."""
 
     def update(self, now: float) -> None:
@@ -166,8 +166,8 @@ class RatesChannel:
         self._nodes: dict[str, _NodeHealth] = {}
         self._now = 0.0
 
-    def set_enabled(self, wanted: bool) -> None:
-        self._subscriptions.set_topics({self._topic: HEALTH.quality.name} if wanted else {})
+    def set_enabled(self, enabled: bool) -> None:
+        self._subscriptions.set_topics({self._topic: HEALTH.quality.name} if enabled else {})
         self._nodes = {}
 
     def update(self, now: float) -> None:
@@ -176,25 +176,25 @@ class RatesChannel:
         for health, origin in self._subscriptions.messages(*self._topic):
             if health.node not in self._nodes and len(self._nodes) >= MAX_NODES:
                 continue
-            heard = self._nodes.setdefault(health.node, _NodeHealth())
+            node_health = self._nodes.setdefault(health.node, _NodeHealth())
             wall = origin.source_ns / 1e9 if origin is not None else now
-            heard.add(health, wall, self._time.at(origin) / 1e9, now)
+            node_health.add(health, wall, self._time.at(origin) / 1e9, now)
 
     def delta(self, since: int) -> str | None:
         ends: dict[str, set[tuple[str, str]]] = {}
         for each in self._graph.entities:
             ends.setdefault(each.node, set()).add((each.kind, each.name))
-        self._nodes = {node: heard for node, heard in self._nodes.items() if node in ends}
+        self._nodes = {node: node_health for node, node_health in self._nodes.items() if node in ends}
         nodes: dict[str, Any] = {}
         topics: dict[str, Any] = {}
-        for node, heard in self._nodes.items():
-            health = heard.last
-            heard.prune(ends[node])
+        for node, node_health in self._nodes.items():
+            health = node_health.last
+            node_health.prune(ends[node])
             nodes[node] = {
                 "state": health.state,
                 "note": health.note,
                 "pid": health.pid,
-                "age": round(self._now - heard.at, 1),
+                "age": round(self._now - node_health.at, 1),
                 "refused_requests": health.refused_requests,
                 "request_reason": health.request_reason,
                 "inputs": {
@@ -207,23 +207,23 @@ class RatesChannel:
                         each.repeated,
                         each.resynced,
                     ]
-                    for topic, each in heard.inputs.items()
+                    for topic, each in node_health.inputs.items()
                 },
             }
-            for topic, (by_sim, by_wall) in self._rates(heard).items():
+            for topic, (by_sim, by_wall) in self._rates(node_health).items():
                 known = topics.setdefault(topic, {"hz": 0.0, "wall": 0.0, "age": None, "sent": 0})
                 known["hz"] += by_sim
                 known["wall"] += by_wall
-                known["sent"] += heard.sent[topic][-1][2]
-                if topic in heard.last_growth:
-                    age = round(self._now - heard.last_growth[topic], 1)
+                known["sent"] += node_health.sent[topic][-1][2]
+                if topic in node_health.last_growth:
+                    age = round(self._now - node_health.last_growth[topic], 1)
                     known["age"] = age if known["age"] is None else min(known["age"], age)
         return as_json("rates", nodes=nodes, topics=topics)
 
-    def _rates(self, heard: _NodeHealth) -> dict[str, tuple[float, float]]:
+    def _rates(self, node_health: _NodeHealth) -> dict[str, tuple[float, float]]:
         """Return each publication's rate [Hz] in simulation time and in wall time, once it has two heartbeats."""
         rates = {}
-        for topic, beats in heard.sent.items():
+        for topic, beats in node_health.sent.items():
             if len(beats) < 2:
                 continue
             (wall, sim, sent), (wall_now, sim_now, sent_now) = beats[0], beats[-1]

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from messages.base import Message
 from messages.nav import OccupancyGrid
-from messages.se3 import IDENTITY, Pose3
+from messages.se3 import Pose3
 from messages.sensor import LaserScan
-from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import GOAL_POSE, PLAN, SCAN, TF, TF_STATIC, WORLD_MARKERS
 from messages.visualization import Marker
@@ -28,10 +27,10 @@ from services.markers.world_bodies import MAX_TRIANGLES, marker_triangles
 from services.panel.clock import SimTimeMap
 from services.panel.graph import NodeGraph
 from services.panel.protocol import as_json
-from services.panel.robots import WORLD, RobotTracker
+from services.panel.robots import RobotTracker
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
-from services.runtime.errors import BadInput, NoTransform
-from services.runtime.tf.buffer import TransformBuffer
+from services.runtime.errors import BadInput
+from services.runtime.tf.buffer import TransformBuffer, pose_in_world
 
 PERIODS_S = {LaserScan.ROS_TYPE: 0.2, OccupancyGrid.ROS_TYPE: 2.0}
 """Wall time [s] between two drawn messages of a topic, for types that are frequent or expensive."""
@@ -150,7 +149,7 @@ class MarkerTracker:
 
     def _draw(self, place: tuple[str, str, int], marker: Marker) -> None:
         try:
-            outline = marker_outline(marker, self._frame(marker.header))
+            outline = marker_outline(marker, pose_in_world(self._frames, marker.header))
         except BadInput:
             self._remove([place])
             return
@@ -164,17 +163,6 @@ class MarkerTracker:
                 self.gone[place] = self.version = self.version + 1
         while len(self.gone) > MAX_GONE:
             del self.gone[next(iter(self.gone))]
-
-    def _frame(self, header: Header) -> Pose3:
-        """Return the pose of a frame in the world; the identity if no transform connects them."""
-        if header.frame_id.lstrip("/") in ("", WORLD):
-            return IDENTITY
-        for time in (header.stamp.ns or None, None):
-            try:
-                return self._frames.lookup(WORLD, header.frame_id, time).transform
-            except NoTransform:
-                continue
-        return IDENTITY
 
 
 class MarkersChannel:
@@ -190,7 +178,7 @@ class MarkersChannel:
         """The version of the markers."""
         return self._markers.version
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Subscribe to the markers; they stay subscribed."""
         self._markers.enable()
 

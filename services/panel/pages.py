@@ -12,20 +12,20 @@ import msgspec
 from services.panel.protocol import ClientMessage
 
 MAX_PACKETS = 100
-"""Maximum sample frames queued for a slow page, 4 s of them; beyond that, the oldest is dropped."""
+"""Maximum sample packets queued for a slow page, 4 s of them; beyond that, the oldest is dropped."""
 MAX_TEXTS = 2000
 """Maximum replies, log lines and values queued for a page; beyond that, the oldest is dropped."""
 MAX_PACKET_BYTES = 4 << 20
-"""Maximum bytes of queued frames."""
+"""Maximum bytes of queued packets."""
 
 Payload = str | bytes
 
 
 class Page:
-    """The send queue of one page: the newest state of each kind, and texts and frames in order.
+    """The send queue of one page: the newest state of each kind, and texts and packets in order.
 
     The loop enqueues and flushes, which calls ``wake``; the sender drains; neither waits for the other. ``dropped``
-    counts the texts and frames that a slow page missed.
+    counts the texts and packets that a slow page missed.
     """
 
     def __init__(self, number: int, wake: Callable[[], None]) -> None:
@@ -46,7 +46,7 @@ class Page:
             self._pending = True
 
     def enqueue(self, payload: Payload) -> None:
-        """Queue a text or a frame, each of which arrives as long as the page keeps up."""
+        """Queue a text or a packet, each of which arrives as long as the page keeps up."""
         with self._lock:
             if isinstance(payload, str):
                 self._texts.append(payload)
@@ -69,7 +69,7 @@ class Page:
             self._wake()
 
     def drain(self) -> list[Payload]:
-        """Remove and return everything queued: the states, then texts and frames, each in order."""
+        """Remove and return everything queued: the states, then texts and packets, each in order."""
         with self._lock:
             taken = [*self._states.values(), *self._texts, *self._packets]
             self._states, self._texts, self._packets, self._packet_bytes = {}, deque(), deque(), 0
@@ -102,13 +102,12 @@ DISCONNECTED = Disconnected()
 class PageRegistry:
     """The open pages and their messages. Used by both threads; ``wake`` wakes the loop."""
 
-    def __init__(self, wake: Callable[[], None], most: int) -> None:
-        self._wake, self._max_pages = wake, most
+    def __init__(self, wake: Callable[[], None], max_pages: int) -> None:
+        self._wake, self._max_pages = wake, max_pages
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
         self._queue: deque[tuple[Page, ClientMessage | Disconnected]] = deque()
         self._numbers = 0
-        self.rejected = 0
 
     @property
     def pages(self) -> list[Page]:
@@ -136,20 +135,18 @@ class PageRegistry:
     def submit(self, page: Page, message: ClientMessage) -> bool:
         """Queue a message of a page; returns False if the loop is too far behind."""
         with self._lock:
-            taken = len(self._queue) < MAX_QUEUED_MESSAGES
-            if taken:
+            accepted = len(self._queue) < MAX_QUEUED_MESSAGES
+            if accepted:
                 self._queue.append((page, message))
         self._wake()
-        return taken
+        return accepted
 
     def reject(self, page: Page) -> None:
         """Count a refused message of a page."""
         page.rejected += 1
-        with self._lock:
-            self.rejected += 1
 
     def drain(self) -> list[tuple[Page, ClientMessage | Disconnected]]:
         """Remove and return the messages since the last call."""
         with self._lock:
-            heard, self._queue = list(self._queue), deque()
-        return heard
+            messages, self._queue = list(self._queue), deque()
+        return messages

@@ -46,18 +46,13 @@ class Plots:
         self._units: dict[tuple[str, str], str] = {}
         self._sent_units: dict[Page, dict[int, str]] = {}
 
-    @property
-    def busy(self) -> bool:
-        """Whether any page plots series or lists fields."""
-        return any(want.series or want.fields for want in self._requested.values())
-
-    def set_subscription(self, page: Page, want: Subscribe | None) -> None:
+    def set_subscription(self, page: Page, subscription: Subscribe | None) -> None:
         """Set what a page plots; None if it has closed."""
-        if want is None:
+        if subscription is None:
             self._requested.pop(page, None)
             self._sent_units.pop(page, None)
         else:
-            self._requested[page] = want
+            self._requested[page] = subscription
         self._changes += 1
 
     def update(self, now: float) -> None:
@@ -75,11 +70,11 @@ class Plots:
         """Subscribe to the topics that are requested and exist."""
         self._steps = {}
         names: set[str] = set()
-        for want in self._requested.values():
-            names.update(want.fields)
-            for wish in want.series:
-                names.add(wish.topic)
-                self._steps.setdefault(wish.topic, {})[wish.path] = parse_path(wish.path)
+        for subscription in self._requested.values():
+            names.update(subscription.fields)
+            for series in subscription.series:
+                names.add(series.topic)
+                self._steps.setdefault(series.topic, {})[series.path] = parse_path(series.path)
         wanted: dict[TopicType, str] = {}
         for name in sorted(names):
             entity = self._graph.publication(name)
@@ -116,26 +111,28 @@ class Plots:
         bodies = {place: (len(samples), samples.encode()) for place, samples in self._samples.items() if len(samples)}
         if not bodies:
             return
-        for page, want in self._requested.items():
-            series = [
-                (wish.id, *bodies[wish.topic, wish.path]) for wish in want.series if (wish.topic, wish.path) in bodies
+        for page, subscription in self._requested.items():
+            packed = [
+                (series.id, *bodies[series.topic, series.path])
+                for series in subscription.series
+                if (series.topic, series.path) in bodies
             ]
-            if series:
-                page.enqueue(pack_samples(self._time.epoch, series))
+            if packed:
+                page.enqueue(pack_samples(self._time.epoch, packed))
 
     def _send_fields(self) -> None:
         """Send each page the fields of the topics that it lists, and the units of its series."""
         listed: dict[str, str] = {}
-        for page, want in self._requested.items():
+        for page, subscription in self._requested.items():
             units = {
-                wish.id: known
-                for wish in want.series
-                if (known := self._units.get((wish.topic, wish.path))) is not None
+                series.id: known
+                for series in subscription.series
+                if (known := self._units.get((series.topic, series.path))) is not None
             }
             if units and self._sent_units.get(page) != units:
                 self._sent_units[page] = units
                 page.set_state("units", as_json("units", units=units))
-            for name in want.fields:
+            for name in subscription.fields:
                 if name not in listed:
                     entity, message = self._graph.publication(name), self._newest.get(name)
                     listed[name] = as_json(

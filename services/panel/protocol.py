@@ -171,7 +171,7 @@ def decode_message(text: str) -> ClientMessage:
     try:
         message = _decoder.decode(text)
     except (msgspec.MsgspecError, RecursionError, UnicodeEncodeError) as error:
-        raise BadInput(f"not understood: {error}") from None
+        raise BadInput(f"invalid message: {error}") from None
     match message:
         case Subscribe():
             for series in message.series:
@@ -213,7 +213,7 @@ class PageChannel(Protocol):
         """Incremented by every change."""
         ...
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Enable the channel for the first page, or disable it after the last."""
         ...
 
@@ -238,7 +238,7 @@ _HEAD, _SERIES = struct.Struct("<4I"), struct.Struct("<2I")
 
 
 class Samples:
-    """Times and values of one series since the last frame."""
+    """Times and values of one series since the last packet."""
 
     def __init__(self) -> None:
         self.times = array("d")
@@ -261,6 +261,6 @@ class Samples:
 
 
 def pack_samples(epoch: int, series: Iterable[tuple[int, int, bytes]]) -> bytes:
-    """Pack a frame of series, each with its id, number of samples and encoded samples."""
+    """Encode a packet of series, each with its id, number of samples and encoded samples."""
     parts = [each for id_, count, body in series for each in (_SERIES.pack(id_, count), body)]
     return b"".join((_HEAD.pack(MAGIC, epoch & 0xFFFFFFFF, len(parts) // 2, 0), *parts))

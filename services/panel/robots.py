@@ -27,9 +27,7 @@ from messages.turtlesim import Pose as TurtlePose
 from models.palette import Palette, hexadecimal, natural_order
 from services.panel.graph import NodeGraph
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
-from services.runtime.tf.buffer import TransformBuffer
-
-WORLD = "world"
+from services.runtime.tf.buffer import WORLD, TransformBuffer
 
 
 @dataclass

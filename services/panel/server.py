@@ -58,7 +58,7 @@ def listen(port: int, earlier: int | None = None) -> socket.socket:
 
 
 class Server:
-    """Serves ``app`` on ``listening`` in a thread, which also calls ``pulse`` every ``period()`` seconds.
+    """Serves ``app`` on ``listening`` in a thread, which also calls ``wake`` every ``period()`` seconds.
 
     Connections without the token of ``auth`` are closed after AUTH_TIMEOUT_S.
     """
@@ -68,10 +68,10 @@ class Server:
         app: ASGIApp,
         auth: Authenticator,
         listening: socket.socket,
-        pulse: Callable[[], None],
+        wake: Callable[[], None],
         period: Callable[[], float],
     ) -> None:
-        self._listening, self._wake, self._period = listening, pulse, period
+        self._listening, self._wake, self._period = listening, wake, period
         config = uvicorn.Config(
             app,
             log_config=None,
@@ -108,11 +108,11 @@ class Server:
         asyncio.run(self._run())
 
     async def _run(self) -> None:
-        beating = asyncio.create_task(self._wake_periodically())
+        ticker = asyncio.create_task(self._wake_periodically())
         try:
             await self._server.serve(sockets=[self._listening])
         finally:
-            beating.cancel()
+            ticker.cancel()
 
     async def _wake_periodically(self) -> None:
         """Wake the loop at its period: often while pages are open, rarely without any."""
@@ -202,17 +202,17 @@ async def handle_socket(ws: WebSocket, pages: PageRegistry) -> None:
             try:
                 text = message.get("text")
                 if text is None:
-                    raise BadInput("only text is understood, in UTF-8")
+                    raise BadInput("messages must be UTF-8 text")
                 if not pace.allows(loop.time()):
                     raise BadInput(f"more than {MAX_MESSAGES_PER_S} messages a second")
-                said = decode_message(text)
-                if not pages.submit(page, said):
-                    raise BadInput("too much is said at once")
+                decoded = decode_message(text)
+                if not pages.submit(page, decoded):
+                    raise BadInput("too many messages are queued")
             except BadInput as error:
                 pages.reject(page)
                 send_error(page, str(error))
                 if page.rejected > MAX_REJECTED:
-                    await ws.close(1008, "too much that makes no sense")
+                    await ws.close(1008, "too many invalid messages")
                     return
     except WebSocketDisconnect:
         return

@@ -26,23 +26,23 @@ class SharedSubscriptions:
 
     def acquire(self, name: str, record: str, quality: str = "SENSOR") -> Subscriber[Any]:
         """Return the subscription to an absolute topic with a ROS type; each call needs its own ``release``."""
-        feed, users = self._open.get((name, record), (None, 0))
-        if feed is None:
-            feed = self._subscribe(name, record, Quality.__members__.get(quality, Quality.SENSOR))
-        self._open[name, record] = feed, users + 1
-        return feed
+        subscriber, users = self._open.get((name, record), (None, 0))
+        if subscriber is None:
+            subscriber = self._subscribe(name, record, Quality.__members__.get(quality, Quality.SENSOR))
+        self._open[name, record] = subscriber, users + 1
+        return subscriber
 
     def release(self, name: str, record: str) -> None:
         """End one use of a subscription; the last one closes it."""
-        feed, users = self._open[name, record]
+        subscriber, users = self._open[name, record]
         if users > 1:
-            self._open[name, record] = feed, users - 1
+            self._open[name, record] = subscriber, users - 1
             return
         del self._open[name, record]
         if (name, record) in self._owned_by_node:
             self._owned_by_node.discard((name, record))
         else:
-            self._node.unregister(feed)
+            self._node.unregister(subscriber)
 
     def update(self) -> None:
         """Read the new messages of all subscriptions."""
@@ -69,8 +69,8 @@ def _read_map(payload: bytes) -> dict[str, Any]:
 class SubscriptionGroup:
     """The topics subscribed to by one part of the panel, as a set that may change."""
 
-    def __init__(self, feeds: SharedSubscriptions) -> None:
-        self._shared = feeds
+    def __init__(self, shared: SharedSubscriptions) -> None:
+        self._shared = shared
         self._held: dict[tuple[str, str], Subscriber[Any]] = {}
 
     def set_topics(self, wanted: dict[tuple[str, str], str]) -> None:
@@ -84,11 +84,8 @@ class SubscriptionGroup:
 
     def messages(self, name: str, record: str) -> Received:
         """Return the new messages of a topic; an empty list if the group does not include it."""
-        feed = self._held.get((name, record))
-        return feed.messages if feed is not None else []
-
-    def __contains__(self, place: tuple[str, str]) -> bool:
-        return place in self._held
+        subscriber = self._held.get((name, record))
+        return subscriber.messages if subscriber is not None else []
 
     def topics(self) -> list[tuple[str, str]]:
         """Return the topics of the group, by name and type."""

@@ -44,10 +44,10 @@ class WorldTracker:
         self._moving: dict[str, WorldBody] = {}
         self._poses: dict[str, Pose3] = {}
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Subscribe to the poses of moving bodies, or leave them at their last poses."""
         place = WORLD_STATES.name, WorldStates.ROS_TYPE
-        self._states.set_topics({place: WORLD_STATES.quality.name} if wanted else {})
+        self._states.set_topics({place: WORLD_STATES.quality.name} if enabled else {})
 
     def update(self) -> None:
         """Update from the new messages."""
@@ -94,7 +94,7 @@ class WorldChannel:
         """The version of the world."""
         return self._world.version
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Do nothing: the markers are always subscribed to."""
 
     def update(self, now: float) -> None:
@@ -126,9 +126,9 @@ class BodiesChannel:
         """The number of movements of the bodies."""
         return self._world.motion
 
-    def set_enabled(self, wanted: bool) -> None:
+    def set_enabled(self, enabled: bool) -> None:
         """Enable the subscription to their poses."""
-        self._world.set_enabled(wanted)
+        self._world.set_enabled(enabled)
 
     def update(self, now: float) -> None:
         """Do nothing: the hub updates the world."""

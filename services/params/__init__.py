@@ -10,7 +10,7 @@ from msgspec import Meta
 from messages.parameters import Value
 from services.runtime import Parameters, Service, param
 
-FILE_TEXT = "SQLite file of the saved values; empty or :memory: keeps them for this run only."
+FILE_TEXT = "SQLite file for saved values; empty or :memory: keeps them for this run only."
 
 
 class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -24,9 +24,7 @@ class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 class ParamsParameters(Parameters):
     """Parameters of the parameter service: its file, and scheduled changes."""
 
-    file: str = param(
-        "", text="SQLite file for saved values; empty or :memory: keeps them for this run only.", max_length=4096
-    )
+    file: str = param("", text=FILE_TEXT, max_length=4096)
     schedule: tuple[Scheduled, ...] = param(
         (), text="Changes {at, set, values} to make at given simulation times; not saved."
     )

@@ -46,7 +46,7 @@ def migrate(saved: Mapping[str, Value], schema: Schema) -> Migration:
         if described is None:
             kept[name] = value
             near = nearest(name, schema.parameters) if len(waiting) < _MAX_HINTS else []
-            hint = f" (if it is called {near[0]} now, set that)" if near else ""
+            hint = f" (was it renamed to {near[0]}? then set that)" if near else ""
             waiting.append(
                 f"{name} = {format_value(value)} is saved, but no running node has such a parameter{hint}: it is kept"
             )
@@ -67,7 +67,7 @@ def migrate(saved: Mapping[str, Value], schema: Schema) -> Migration:
 
 def _fitted(described: ParameterDescription, value: Value) -> Value:
     if not described.live:
-        raise BadInput("only the fleet file or the command line may give it now")
+        raise BadInput("it can now be set only in the fleet file or on the command line")
     if parse_type(described.type) == ("int", 0) and isinstance(value, float) and value.is_integer():
         value = int(value)
     return fit(described, renamed_choice(value, described.choices) or value).value
@@ -219,7 +219,8 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
             run[name] = value
             given = format_value(state.schema.command_line[name])
             notes.append(
-                f"{name}: the command line says {given}; this value counts for this run, and in later runs without it"
+                f"{name}: the command line gives {given}; the new value is used for this run, and in later ones "
+                "without that option"
             )
     return _check_constraints(_make_change(state, saved, run, tuple(fitted), asked.run, notes))
 
@@ -233,8 +234,8 @@ def plan_reset(state: SetState, asked: ResetParameters) -> Change:
     for name in asked.names:
         if name not in known:
             raise unknown_name("parameter", name, known, state.name)
-    wanted = asked.names or tuple(dict.fromkeys((*state.saved, *state.run)))
-    names = tuple(name for name in dict.fromkeys(wanted) if name in state.saved or name in state.run)
+    requested = asked.names or tuple(dict.fromkeys((*state.saved, *state.run)))
+    names = tuple(name for name in dict.fromkeys(requested) if name in state.saved or name in state.run)
     saved = {name: value for name, value in state.saved.items() if name not in names}
     run = {name: value for name, value in state.run.items() if name not in names}
     for_run = bool(names) and not any(name in state.saved for name in names)
@@ -264,9 +265,8 @@ def plan_new_run(state: SetState) -> Change | None:
     if not state.run:
         return None
     names = tuple(state.run)
-    return _make_change(
-        state, dict(state.saved), {}, names, True, [f"a new run: {', '.join(names)} as before the last"]
-    )
+    note = f"a new run: the last one's own values of {', '.join(names)} are dropped"
+    return _make_change(state, dict(state.saved), {}, names, True, [note])
 
 
 def not_announced_text(state: SetState) -> str:

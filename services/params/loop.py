@@ -66,19 +66,19 @@ class SetPublishers:
         self._publishers: dict[str, tuple[Publisher[ParameterSchema], Publisher[ParameterValues]]] = {}
         self._closing: dict[str, int] = {}
 
-    def publish(self, news: ParameterSchema | ParameterValues) -> None:
+    def publish(self, message: ParameterSchema | ParameterValues) -> None:
         """Publish a set's new schema or values."""
-        self._closing.pop(news.set, None)
-        if news.set not in self._publishers:
-            self._publishers[news.set] = (
-                self._node.advertise(DESCRIPTIONS, f"{news.set}/{DESCRIPTIONS.name.removeprefix('~')}"),
-                self._node.advertise(UPDATES, f"{news.set}/{UPDATES.name.removeprefix('~')}"),
+        self._closing.pop(message.set, None)
+        if message.set not in self._publishers:
+            self._publishers[message.set] = (
+                self._node.advertise(DESCRIPTIONS, f"{message.set}/{DESCRIPTIONS.name.removeprefix('~')}"),
+                self._node.advertise(UPDATES, f"{message.set}/{UPDATES.name.removeprefix('~')}"),
             )
-        descriptions, updates = self._publishers[news.set]
-        if isinstance(news, ParameterSchema):
-            descriptions.publish(news)
+        descriptions, updates = self._publishers[message.set]
+        if isinstance(message, ParameterSchema):
+            descriptions.publish(message)
         else:
-            updates.publish(news)
+            updates.publish(message)
 
     def close(self, name: str) -> None:
         """Close the publishers of a set."""

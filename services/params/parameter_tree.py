@@ -45,7 +45,7 @@ class ParameterTreeServer:
 
     A change with a time waits for the first tick after it: changes of one lockstep tick arrive in any order, and are
     applied in the order of their times and writers. Those of time 0, from before simulation time started, are applied
-    at the first tick after 0. Changes without a time are applied at once.
+    at the first tick, even at time 0. Changes without a time are applied at once.
 
     Args:
         publish: Publishes the tree.
@@ -63,7 +63,7 @@ class ParameterTreeServer:
         """Set a value or branch; raises BadInput."""
         value = checked_value(asked.key, parse_json(asked.key, asked.value))
         if asked.key.strip("/") == "" and not isinstance(value, dict):
-            raise BadInput("/: the root of the tree takes a map of names to values alone")
+            raise BadInput("/: the root of the tree must be a map of names to values")
         self._check_room(asked.value)
         return self._change(asked, value, f"{asked.key} is set", deletes=False)
 
@@ -123,7 +123,7 @@ class ParameterTreeServer:
         if asked.time is None:
             self._make(change)
         elif len(self._queue) >= MAX_QUEUED:
-            raise BadInput(f"{MAX_QUEUED} changes of parameters wait for the next tick: does time stand still?")
+            raise BadInput(f"{MAX_QUEUED} parameter changes wait for the next tick: is the simulation paused?")
         else:
             self._queue.append(change)
         return Done(text=text)
@@ -147,8 +147,7 @@ class ParameterTreeServer:
         """Raise BadInput if a value would make the tree too large to be published."""
         if (size := self._tree.size() + len(text)) > MAX_TREE_BYTES:
             raise BadInput(
-                f"the tree of parameters would have {size} characters, {MAX_TREE_BYTES} is the most; "
-                "nothing was changed"
+                f"the parameter tree would have {size} characters, the limit is {MAX_TREE_BYTES}; nothing was changed"
             )
 
 

@@ -189,11 +189,11 @@ def _check_agreement(new: Announcement, old: Announcement) -> None:
                 raise ParameterConflict(
                     old.node,
                     f"the {what} {new.set} {one.name} as {format_value(one.value)} for {new.node} and as "
-                    f"{format_value(given[one.name])} for {old.node}, which share it: say it once",
+                    f"{format_value(given[one.name])} for {old.node}, which share this set: give one value",
                 )
 
 
-MOST_NOTES = 20
+MAX_NOTES = 20
 """Maximum notes about clamped, converted and dropped values in one message."""
 
 
@@ -241,8 +241,8 @@ class SetState:
 
 
 def _join_notes(notes: tuple[str, ...]) -> str:
-    more = (f"{len(notes) - MOST_NOTES} more notes",) if len(notes) > MOST_NOTES else ()
-    return "; ".join((*notes[:MOST_NOTES], *more))
+    more = (f"{len(notes) - MAX_NOTES} more notes",) if len(notes) > MAX_NOTES else ()
+    return "; ".join((*notes[:MAX_NOTES], *more))
 
 
 def changed_levels(before: SetState, after: SetState) -> int:

@@ -235,7 +235,7 @@ class ParameterServer:
             except ParameterConflict as conflict:
                 if conflict.other_node in self._live_nodes():
                     raise
-                self._log.info(f"{asked.set}: {conflict.other_node} has gone, its announcement is forgotten")
+                self._log.info(f"{asked.set}: {conflict.other_node} is gone, its announcement is dropped")
                 state = replace(state, schema=state.schema.without_node(conflict.other_node))
 
     def _remove_node(self, name: str, node: str) -> ParameterValues:
@@ -248,7 +248,7 @@ class ParameterServer:
         left = self._sets[name] = replace(state, schema=schema, run=run, revision=state.revision + 1)
         self._sizes.get(name, {}).pop(node, None)
         self._publish(schema.to_message(name))
-        self._publish(left.to_message(changed_levels(state, left), [f"{node} no longer follows it"]))
+        self._publish(left.to_message(changed_levels(state, left), [f"{node} has left this set"]))
         self._forget(left)
         return left.to_message()
 

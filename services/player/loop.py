@@ -47,13 +47,13 @@ def run(ctx: Context[PlayerParameters]) -> None:
     p, node = ctx.params, ctx.node
     bag = open_bag(Path(p.bag))
     selection = select(bag.channels(), p)
-    for trouble in bag.problems:
-        ctx.log.warn(f"{trouble}; what can be read is played")
+    for problem in bag.problems:
+        ctx.log.warn(f"{problem}; what can be read is played")
     for topic, reason in sorted(selection.rejected.items()):
         ctx.log.warn(f"{topic} is not played: {reason}")
     other = _other_clock_publisher(node)
     if other and p.members:
-        raise BadInput(f"{other} publishes /clock: a bag in lockstep is the simulation itself; end the other one")
+        raise BadInput(f"{other} publishes /clock: a bag in lockstep replaces the simulation, so stop {other} first")
     if other:
         ctx.log.info(f"{other} publishes /clock: the bag is played on its time, and its own clock is left out")
     recorded = any(is_clock(channel) for channel in selection.played)
@@ -149,17 +149,19 @@ def _has_subscriber(output: Publisher[Any]) -> bool:
 
 
 def _check_complete(bag: Bag, selection: Selection, playback: Playback, lost: tuple[str, ...]) -> None:
-    troubles = list(bag.problems)
+    problems = list(bag.problems)
     if lost:
-        troubles.append(f"lockstep went on without {', '.join(lost)}")
-    troubles += [f"{count} messages of {topic} were not of their type" for topic, count in playback.undecodable.items()]
-    troubles += [
-        f"{count} messages of {topic} bear no time before 2038" for topic, count in playback.out_of_range.items()
+        problems.append(f"lockstep continued without {', '.join(lost)}")
+    problems += [
+        f"{count} messages of {topic} do not match their type" for topic, count in playback.undecodable.items()
+    ]
+    problems += [
+        f"{count} messages of {topic} have a time after 2038" for topic, count in playback.out_of_range.items()
     ]
     if selection.rejected:
-        troubles.append(f"not played: {', '.join(sorted(selection.rejected))}")
-    if troubles:
-        raise PlaybackIncomplete("; ".join(troubles))
+        problems.append(f"not played: {', '.join(sorted(selection.rejected))}")
+    if problems:
+        raise PlaybackIncomplete("; ".join(problems))
 
 
 class Publishers:

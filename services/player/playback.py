@@ -53,7 +53,9 @@ def select(channels: Iterable[Channel], params: PlayerParameters) -> Selection:
         if reason := unplayable_reason(channel):
             refused[topic] = reason
         elif types.setdefault(topic, channel.type) != channel.type:
-            refused[topic] = f"it is played as {types[topic]}, and not as {channel.type} besides: a topic has one type"
+            refused[topic] = (
+                f"it is played as {types[topic]}; its messages of type {channel.type} are not: a topic has one type"
+            )
         else:
             played.append(channel)
     if not played:

@@ -176,7 +176,9 @@ class BagRecorder:
         self._check_disk()
         lost = sum(self.lost.values())
         if lost > self._lost_reported:
-            self._log.warn(f"{lost} messages were lost on their way to the bag: is the machine too slow?", every=5.0)
+            self._log.warn(
+                f"{lost} messages were lost before they reached the recorder: is the machine too slow?", every=5.0
+            )
             self._lost_reported = lost
 
     def close(self) -> None:
@@ -306,7 +308,7 @@ class BagRecorder:
     def _report_error(self, error: OSError) -> None:
         self.write_error = error.strerror or str(error)
         self._log.error(
-            f"the disk does not take the recording ({error.strerror}): {self._bag.unwritten} messages are missing from "
+            f"the recording cannot be written ({error.strerror}): {self._bag.unwritten} messages are missing from "
             f"{self._bag.folder} so far; nothing else is affected",
             every=5.0,
         )

@@ -32,7 +32,7 @@ def run(ctx: Context[RecorderParameters]) -> None:
             subscriptions.subscribe_existing()
             if missing := subscriptions.missing:
                 ctx.log.warn(
-                    f"no publishers or subscribers of {', '.join(missing)} yet: recording starts when there are"
+                    f"no publishers or subscribers of {', '.join(missing)} yet: each is recorded once there is one"
                 )
             if ctx.lockstep:
                 _record_ticks(ctx, subscriptions, recorder)
@@ -78,6 +78,6 @@ def _report(ctx: Context[RecorderParameters], bag: BagWriter, recorder: BagRecor
         f"{'file' if bag.files == 1 else 'files'}: {bag.folder}"
     )
     for name, count in recorder.lost.items():
-        ctx.log.warn(f"{count} messages of {name} were lost on their way")
+        ctx.log.warn(f"{count} messages of {name} were lost before they reached the recorder")
     if recorder.write_error:
         raise RecordingIncomplete(f"{bag.unwritten} messages are missing from {bag.folder}: {recorder.write_error}")

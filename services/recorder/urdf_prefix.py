@@ -48,14 +48,14 @@ class UrdfPrefixer:
 
     def _prefix(self, namespace: str, links: list[str]) -> str:
         """Return the prefix of a robot's frames: its namespace, unless the known frames have another one."""
-        wanted = f"{namespace}/" if namespace else ""
-        if any(link.startswith(wanted) for link in links if wanted):
+        default = f"{namespace}/" if namespace else ""
+        if any(link.startswith(default) for link in links if default):
             return ""
-        for each in (wanted, f"{namespace.rpartition('/')[2]}/", ""):
+        for each in (default, f"{namespace.rpartition('/')[2]}/", ""):
             if any(f"{each}{link}" in self._frames for link in links):
                 return each
         found = {frame.removesuffix(link) for link in links for frame in self._frames if frame.endswith(f"/{link}")}
-        return found.pop() if len(found) == 1 else wanted
+        return found.pop() if len(found) == 1 else default
 
 
 def prefix_links(urdf: str, prefix: str) -> str:

@@ -16,21 +16,22 @@ def run(ctx: Context[ReferenceParameters]) -> None:
     """Publish until asked to stop. A reset of simulation time restarts the waveform."""
     table = open_table(ctx.params)
     out = ctx.advertise(REFERENCE)
-    forms, logged = WaveformGenerator(table), ""
+    generator, logged = WaveformGenerator(table), ""
     for tick in ctx.ticks():
         p = ctx.params
         if tick.reset:
-            forms = WaveformGenerator(table)
-        wanted = forms.step(p, tick.dt)
+            generator = WaveformGenerator(table)
+        angle = generator.step(p, tick.dt)
         if p.reference_type != logged:
             logged = p.reference_type
-            ctx.log.info(f"{logged} from {wanted:.2f} deg on")
+            ctx.log.info(f"{logged} starts at {angle:.2f} deg")
         if p.reference_type == "csv" and table is None:
             ctx.log.warn("reference_type is csv but no file was given, holding the angle: start with csv=FILE", every=5)
-        bounded = max(p.lower, min(p.upper, wanted))
-        if bounded != wanted:
+        bounded = max(p.lower, min(p.upper, angle))
+        if bounded != angle:
             ctx.log.warn(
-                f"{p.reference_type} asks for {wanted:.1f} deg, clipped to the joint's {p.lower:g} to {p.upper:g} deg",
+                f"{p.reference_type} is at {angle:.1f} deg, clipped to the joint's range from {p.lower:g} to "
+                f"{p.upper:g} deg",
                 every=5,
             )
         out.publish(Float32(data=bounded))

@@ -66,9 +66,9 @@ def read_table(path: Path) -> ReferenceTable:
         if not (0 <= time < math.inf):
             raise BadInput(f"{where}: the time {time:g} s must be finite and at least 0")
         if not abs(angle) <= MAX_ANGLE:
-            raise BadInput(f"{where}: the angle {angle:g} deg must lie within {MAX_ANGLE:g} deg of 0")
+            raise BadInput(f"{where}: the angle {angle:g} deg must be within +-{MAX_ANGLE:g} deg")
         if times and time <= times[-1]:
-            raise BadInput(f"{where}: the time {time:g} s does not follow {times[-1]:g} s: times must grow")
+            raise BadInput(f"{where}: the time {time:g} s is not after {times[-1]:g} s: times must increase")
         times.append(time)
         angles.append(angle)
     if not times:
@@ -137,9 +137,9 @@ class WaveformGenerator:
         if self._waveform in ("sine", "chirp") and self._value and self._gain:
             self._phase = math.asin(max(-1.0, min(1.0, self._value / self._gain))) % TWO_PI
 
-    def _update_gain(self, wanted: float, dt: float) -> None:
-        if wanted != self._target_gain:
-            self._target_gain, self._gain_rate = wanted, abs(wanted - self._gain) / BLEND_S
+    def _update_gain(self, target: float, dt: float) -> None:
+        if target != self._target_gain:
+            self._target_gain, self._gain_rate = target, abs(target - self._gain) / BLEND_S
         self._gain = _move_towards(self._gain, self._target_gain, self._gain_rate * dt)
 
     def _next(self, p: ReferenceParameters, dt: float) -> float:

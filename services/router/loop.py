@@ -16,7 +16,7 @@ def run(ctx: Context[RouterParameters]) -> None:
     for each in listen:
         if not is_local(endpoint(each)):
             ctx.log.warn(f"listening on {each}: {OPEN_TO_ALL}")
-    register = NodeDirectory(ctx.node.transport)
+    directory = NodeDirectory(ctx.node.transport)
     while True:
-        register.answer()
+        directory.answer()
         ctx.idle()

@@ -53,14 +53,14 @@ class Goals:
         self._goals[goal.id] = _Goal(goal, Status.PENDING)
         self.changed = True
         if recalled:
-            self.end(goal.id, Status.RECALLED, now, "it was cancelled before it came")
+            self.end(goal.id, Status.RECALLED, now, "it was cancelled before it arrived")
         self._forget(now)
         return goal
 
     def accept(self, goal: str) -> None:
         """Set a pending goal to ACTIVE."""
         assert self._goals[goal].status is Status.PENDING
-        self._goals[goal].status, self._goals[goal].text = Status.ACTIVE, "it is followed"
+        self._goals[goal].status, self._goals[goal].text = Status.ACTIVE, "it was accepted"
         self.changed = True
 
     def end(self, goal: str, status: Status, now: int, text: str) -> GoalStatus:
@@ -90,7 +90,7 @@ class Goals:
             and (everything or goal == asked.id or (stamp and each.id.stamp.ns <= stamp))
         ]
         if asked.id and asked.id not in self._goals:
-            self._goals[asked.id] = _Goal(asked, Status.RECALLING, "it was cancelled before it came", now)
+            self._goals[asked.id] = _Goal(asked, Status.RECALLING, "it was cancelled before it arrived", now)
             self.changed = True
         self._cancelled_upto = max(self._cancelled_upto, stamp)
         self._forget(now)

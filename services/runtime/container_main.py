@@ -21,7 +21,7 @@ NAME = "container"
 
 ABOUT = """Run several nodes in one process, on one connection and in one thread.
 
-Each --node is the command line of a service or of a file of your own, as behind ./elea run:
+Each --node is the command line of a service or of a file of your own, as after ./elea run:
 
     --node "waypoint --namespace /tb3_0" --node "waypoint --namespace /tb3_1"
 """
@@ -66,7 +66,9 @@ def _check(
     for where, line in (*(("--node", each) for each in node), *(_lines(nodes) if nodes else ())):
         service, options = _member(load, where, line)
         if (identity := options["identity"].node) in taken:
-            raise BadInput(f"{where}: a node {identity} is stated already at {taken[identity]}: give it another --name")
+            raise BadInput(
+                f"{where}: a node {identity} is already declared at {taken[identity]}: give it another --name"
+            )
         taken[identity] = where
         members.append((service, options))
     if not members:
@@ -80,7 +82,7 @@ def _check(
 
 def _member(load: LoadService, where: str, line: str) -> tuple[Service, dict[str, Any]]:
     try:
-        kind, *arguments = shlex.split(line)
+        kind, *arguments = shlex.split(line) or [""]
     except ValueError as error:
         raise BadInput(f"{where}: {line[:80]!r} is not a service with its options: {error}") from None
     try:
@@ -110,4 +112,9 @@ def _lines(file: str) -> Iterator[tuple[str, str]]:
 
 def _stated_name(arguments: list[str]) -> str:
     """Return the name of the process, before its options are parsed."""
-    return next((value for word, value in pairwise(arguments) if word == "--name"), NAME)
+    for word, value in pairwise([*arguments, NAME]):
+        if word == "--name":
+            return value
+        if word.startswith("--name="):
+            return word.removeprefix("--name=")
+    return NAME

@@ -110,12 +110,12 @@ class Context(Generic[P]):
         rate: float | None,
         lockstep: bool = False,
         observer: bool = False,
-        followed: ParameterSubscription[P] | None = None,
+        subscription: ParameterSubscription[P] | None = None,
         make_pacer: MakePacer | None = None,
     ) -> None:
         self.params_changed = ALL_LEVELS
         self.now = 0
-        self._params, self._subscription = params, followed
+        self._params, self._subscription = params, subscription
         self._polled = 0.0
         self._node = node
         self._rate, self._lockstep, self._observer = rate, lockstep, observer
@@ -292,8 +292,8 @@ class Context(Generic[P]):
             before_leaving: called when the loop ends, while the simulation still waits for the node. Afterwards the
                 others go on, and may send faster than this node reads.
         """
-        if (chosen := rate or self._rate) is None:
-            raise BadInput("a service without a rate has no ticks")
+        if (chosen := self._rate if rate is None else rate) is None:
+            raise BadInput("a service without a rate has no ticks: declare one, as rate=25 [Hz], or call ctx.ticks(25)")
         period = period_of(chosen, self._lockstep)
         pacer = self._make_pacer(self._node, period, reports_reads)
         if self._subscription is not None:
@@ -343,13 +343,13 @@ class Context(Generic[P]):
         Returns:
             The levels of the changed parameters, like ``params_changed``.
         """
-        followed = self._subscription
-        if followed is None:
+        subscription = self._subscription
+        if subscription is None:
             return 0
         if not admitted:
-            followed.update()
-        self.params_changed = followed.refresh()
-        self._params = followed.params
+            subscription.update()
+        self.params_changed = subscription.refresh()
+        self._params = subscription.params
         return self.params_changed
 
     def _await_parameters(self) -> None:

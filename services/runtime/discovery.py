@@ -12,6 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Set
 import msgspec
 
 from messages.base import DECODE_ERRORS, decoder, encode
+from services.runtime.errors import list_names
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.log import Log
 from services.runtime.transport.api import ADMIN_SPACE, PendingReplies, TokenWatch, Transport
@@ -43,9 +44,9 @@ class NodeDirectory:
         waiting = list(iter(self._server.recv, None))
         if not waiting:
             return
-        there = encode(NodeList(tuple(self._transport.tokens(token_pattern("node"), DIRECTORY_LOOK_S))))
+        answer = encode(NodeList(tuple(self._transport.tokens(token_pattern("node"), DIRECTORY_LOOK_S))))
         for query in waiting:
-            query.reply(there)
+            query.reply(answer)
 
 
 def known_nodes(transport: Transport) -> frozenset[str] | None:
@@ -134,9 +135,7 @@ class ReachabilityCheck:
 
 
 def _unreachable_message(missed: list[str], known: int) -> str:
-    named = ", ".join(missed[:_MAX_LISTED]) + (
-        f" and {len(missed) - _MAX_LISTED} more" if len(missed) > _MAX_LISTED else ""
-    )
+    named = list_names(missed, _MAX_LISTED)
     return (
         f"this node is cut off from {len(missed)} of the {known} nodes that the router knows ({named}): in topology "
         "direct they talk to each other without the router, on links that end at their own machine or network "
@@ -177,10 +176,10 @@ def wait_for_nodes(
     Returns:
         The nodes that are not ready; empty when all are.
     """
-    wanted = list(roster)
+    nodes = list(roster)
     started = renewed = time.monotonic()
-    fewest = len(wanted) + 1
-    while absent := missing_nodes(transport, wanted):
+    fewest = len(nodes) + 1
+    while absent := missing_nodes(transport, nodes):
         now = time.monotonic()
         if len(absent) < fewest:
             fewest, renewed = len(absent), now

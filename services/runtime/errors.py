@@ -48,6 +48,7 @@ from __future__ import annotations
 from messages.errors import BadInput as BadInput
 from messages.errors import EleaError as EleaError
 from messages.errors import did_you_mean as did_you_mean
+from messages.errors import list_names as list_names
 from messages.errors import missing_file as missing_file
 from messages.errors import nearest as nearest
 from messages.errors import unknown_name as unknown_name

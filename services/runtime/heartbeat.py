@@ -46,12 +46,12 @@ class Heartbeat:
         self._complained = False
         self._beats = 0
         self._due = 0.0
-        self._wanted = False
+        self._had_subscribers = False
 
     def is_due(self, output: Publisher[Health]) -> bool:
         """Return whether a heartbeat is due; called in each turn of the loop."""
-        wanted, self._wanted = self._wanted, output.has_subscribers
-        return time.monotonic() >= self._due or self._wanted > wanted
+        before, self._had_subscribers = self._had_subscribers, output.has_subscribers
+        return time.monotonic() >= self._due or self._had_subscribers > before
 
     def publish(
         self,
@@ -81,12 +81,12 @@ class Heartbeat:
             payload = encode(self._health(inputs, outputs, refusals))
             if len(payload) <= HEALTH.largest:
                 return payload
-            trouble = f"it has {len(payload)} bytes, the limit is {HEALTH.largest}"
+            problem = f"it has {len(payload)} bytes, the limit is {HEALTH.largest}"
         except (OverflowError, ValueError, TypeError) as error:
-            trouble = str(error)
+            problem = str(error)
         if self._log is not None and not self._complained:
             self._complained = True
-            self._log.error(f"heartbeats carry totals only, without single topics: {trouble}")
+            self._log.error(f"heartbeats carry totals only, without counts per topic: {problem}")
         return encode(self._health(inputs, outputs, refusals, listed=False))
 
     def _health(
@@ -121,21 +121,21 @@ class _Listing:
 
     def __init__(self) -> None:
         self._next = 0
-        self._listed_trouble: dict[str, int] = {}
+        self._listed_faults: dict[str, int] = {}
 
     def next(self, ends: Sequence[End]) -> list[Any]:
         """Return the health of the selected ends, in the order given; ends with new faults get half of the bytes."""
         count, room = len(ends), LISTED_BYTES
         first = self._next % count if count else 0
         turns = [i for i in (*range(first, count), *range(first)) if len(ends[i].name) <= _LONGEST_NAME]
-        if len(self._listed_trouble) > count:
+        if len(self._listed_faults) > count:
             there = {each.name for each in ends}
-            self._listed_trouble = {name: health for name, health in self._listed_trouble.items() if name in there}
+            self._listed_faults = {name: faults for name, faults in self._listed_faults.items() if name in there}
         chosen: dict[int, Any] = {}
         for index in turns:
             if room < LISTED_BYTES // 2:
                 break
-            if _trouble(ends[index]) != self._listed_trouble.get(ends[index].name, 0):
+            if _fault_count(ends[index]) != self._listed_faults.get(ends[index].name, 0):
                 room -= self._choose(index, ends[index], chosen, room)
         for index in turns:
             if index not in chosen:
@@ -153,9 +153,9 @@ class _Listing:
         if size > room:
             return 0
         chosen[index] = health
-        self._listed_trouble[end.name] = _trouble(end)
+        self._listed_faults[end.name] = _fault_count(end)
         return size
 
 
-def _trouble(end: End) -> int:
+def _fault_count(end: End) -> int:
     return end.lost + end.refused + end.repeated + end.resynced if isinstance(end, Subscriber) else 0

@@ -13,15 +13,15 @@ _NO_FLEET = "is a fleet up? ./elea ps lists those that run, --port chooses one, 
 
 
 @contextmanager
-def open_transport(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Transport]:
-    """Open a transport through the router at an endpoint; raises BadInput if none listens within ``patience`` [s]."""
-    from services.runtime.transport.unix_sockets import is_listening
+def open_transport(router: str, domain: str = "", timeout: float = 2.0) -> Iterator[Transport]:
+    """Open a transport through the router at an endpoint; raises BadInput if none listens within ``timeout`` [s]."""
+    from services.runtime.transport.unix_sockets import check_reachable
     from services.runtime.transport.zenoh import ZenohTransport
     from services.runtime.transport.zenoh_config import configuration, endpoint
 
     where = endpoint(router)
     try:
-        is_listening(where, patience)
+        check_reachable(where, timeout)
     except OSError as error:
         cause = "it is another user's" if isinstance(error, PermissionError) else _NO_FLEET
         raise BadInput(f"no router at {where} ({error.strerror or error}): {cause}") from None

@@ -71,7 +71,7 @@ def _check_declaration(run: object, declaration: dict[str, Any]) -> None:
     if not callable(run):
         fault = f"main takes a Service or a loop run(ctx), not {run!r:.80}"
     elif unknown:
-        fault = f"main does not know {unknown[0]!r}{did_you_mean(unknown[0], known)}"
+        fault = f"main has no argument {unknown[0]!r}{did_you_mean(unknown[0], known)}"
     else:
         fault = f"main needs the service's {' and '.join(missing)}"
     sys.stderr.write(
@@ -197,12 +197,12 @@ def service_command(service: Service) -> click.Command:
         help=service.about,
         epilog=_epilog(service.parameters),
         params=[
-            option(["--namespace"], default="/", help="Namespace of the node's relative names, as /tb3_0."),
+            option(["--namespace"], default="/", help="Namespace of the node's relative names, such as /tb3_0."),
             option(["--name"], default="", help=f"Name of the node; {service.name} by default."),
             option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; _K:=V sets a parameter."),
             option(["--param"], multiple=True, metavar="K=V", help="Set a parameter; may be repeated."),
             option(
-                ["--fleet-param"], multiple=True, metavar="K=V", help="Like a fleet file's value: --param overrides it."
+                ["--fleet-param"], multiple=True, metavar="K=V", help="Set a parameter, but let --param override it."
             ),
             *network_options(),
         ],
@@ -217,12 +217,12 @@ def network_options() -> list[click.Option]:
         option(
             ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; your own on port 7447 by default."
         ),
-        option(["--domain"], default="", help="Domain of the fleet; it keeps fleets of one network apart."),
+        option(["--domain"], default="", help="Domain of the fleet; it separates fleets on the same network."),
         option(
             ["--topology"], type=topologies, default="direct", help="Connect to nodes directly, or only via the router."
         ),
         option(["--lockstep"], is_flag=True, help="Run in lockstep: the simulation waits for this node."),
-        option(["--await-params"], is_flag=True, help="Start only once there is a parameter service."),
+        option(["--await-params"], is_flag=True, help="Wait at start-up for the parameter service, for up to 10 s."),
         option(["--log-level"], type=levels, default="info", help="Log this level and above."),
         option(["--print-config"], is_flag=True, help="Show what would run, and exit."),
     ]

@@ -255,29 +255,29 @@ class Node:
             query.reply(b"")
             self.on_asked_to_end(reason if reason.isprintable() else repr(reason))
 
-    def wait(self, inlet: RawSubscriber) -> None:
+    def wait(self, subscriber: RawSubscriber) -> None:
         """Spin once, send held samples, then block until a sample or a wake-up arrives, or for 0.1 s."""
         self.spin_once()
         self.send_buffer.flush()
-        self.transport.wait(inlet)
+        self.transport.wait(subscriber)
 
-    def update_subscribers(self, marks: Watermarks | None = None) -> None:
-        """Take the snapshot of all inputs; with ``marks``, wait up to WAIT_BUDGET_S for the samples they require."""
-        if marks is None:
+    def update_subscribers(self, watermarks: Watermarks | None = None) -> None:
+        """Take the snapshot of all inputs; with ``watermarks``, wait up to WAIT_BUDGET_S for those they require."""
+        if watermarks is None:
             for each in self.subscribers:
                 if each.pending:
                     each.update()
             return
-        patience = WaitBudget(self._publish_heartbeat_in_burst, self._present_members)
+        budget = WaitBudget(self._publish_heartbeat_in_burst, self._present_members)
         for each in self.subscribers:
-            if each.pending or each.key in marks.required:
-                each.update(marks, patience)
-        marks.clear_required()
-        if patience.missed:
-            missed = ", ".join(patience.missed)
+            if each.pending or each.key in watermarks.required:
+                each.update(watermarks, budget)
+        watermarks.clear_required()
+        if budget.missed:
+            missed = ", ".join(budget.missed)
             self.log.warn(
-                f"sent, but not here within {WAIT_BUDGET_S:g} s or before its publisher ended, so it counts as lost: "
-                f"{missed}",
+                f"samples did not arrive within {WAIT_BUDGET_S:g} s, or before their publisher ended; counted as "
+                f"lost: {missed}",
                 every=5.0,
             )
 

@@ -34,7 +34,7 @@ CLOCK_SILENCE_S = 3.0
 """Wall time [s] without a sample after which another publisher's clock is followed; a paused clock is still sent ten
 times a second."""
 
-LOOK_S = 0.05
+PEER_CHECK_S = 0.05
 """Wall time [s] between two checks for peers that are not visible yet: each is a query to the network."""
 
 POLL_S = 0.1
@@ -75,7 +75,7 @@ class Pacer(Protocol):
         ...
 
 
-class Vital(Protocol):
+class HeartbeatStatus(Protocol):
     """State and detail of a heartbeat, or of several."""
 
     state: State
@@ -95,7 +95,7 @@ class SteppingNode(Protocol):
     @property
     def log(self) -> Log: ...
     @property
-    def heartbeat(self) -> Vital: ...
+    def heartbeat(self) -> HeartbeatStatus: ...
     @property
     def send_buffer(self) -> SendBuffer: ...
     @property
@@ -111,7 +111,7 @@ class ClockWatchdog:
 
     def __init__(self, node: SteppingNode, log: Log, hint: str = "") -> None:
         self._hint = f"; {hint}" if hint else ""
-        self._heart, self._log, self._patience = node.heartbeat, log, node.clock_patience_s
+        self._heartbeat, self._log, self._patience = node.heartbeat, log, node.clock_patience_s
         self._transport = node.transport
         self._last_sample = time.monotonic()
         self._ever = self._logged = False
@@ -119,22 +119,22 @@ class ClockWatchdog:
     def note_sample(self, paused: bool) -> None:
         """Note that a clock sample has arrived."""
         self._last_sample, self._ever = time.monotonic(), True
-        self._heart.state = "paused" if paused else "running"
-        self._heart.detail = ""
+        self._heartbeat.state = "paused" if paused else "running"
+        self._heartbeat.detail = ""
 
     def check(self) -> None:
         """Update the state and log a missing clock; called when no sample has arrived."""
-        if self._heart.state == "paused":
+        if self._heartbeat.state == "paused":
             return
         silence = time.monotonic() - self._last_sample
         if silence > SILENCE_S:
-            self._heart.state, self._heart.detail = "waiting", "no clock"
+            self._heartbeat.state, self._heartbeat.detail = "waiting", "no clock"
         if silence > self._patience and not self._ever and not self._logged:
             self._logged = True
-            self._log.warn(f"no clock for {silence:.1f} s: {_where(self._transport)}{self._hint}")
+            self._log.warn(f"no clock for {silence:.1f} s: {_likely_cause(self._transport)}{self._hint}")
 
 
-def _where(transport: Transport) -> str:
+def _likely_cause(transport: Transport) -> str:
     """Return the likely cause of a missing clock: the fleet is starting, runs on another port, or does not run."""
     if transport.tokens(token_pattern("node", SUPERVISOR)):
         return "the fleet is still starting, or its simulation has ended: ./elea ps shows its processes"
@@ -168,20 +168,20 @@ class ClockSource:
         """Return whether to follow the publisher (empty if foreign) of a sample that has just arrived."""
         now = time.monotonic()
         if publisher != self._source:
-            self._look()
+            self._update_nodes()
             silent = now - self._last_sample > CLOCK_SILENCE_S
             if self._source is not None and not silent and self._rank(publisher) <= self._rank(self._source):
                 self.counts.reject(
-                    f"{self._called(publisher)} publishes another time than {self._called(self._source)}"
+                    f"{self._label(publisher)} publishes a different time from {self._label(self._source)}"
                 )
-                self._log.warn(f"a second {self._name} is not followed: {self.counts.reason}", every=30.0)
+                self._log.warn(f"a second {self._name} is ignored: {self.counts.reason}", every=30.0)
                 return False
             self._source = publisher
         self._last_sample = now
         self.counts.received += 1
         return True
 
-    def _look(self) -> None:
+    def _update_nodes(self) -> None:
         for token in iter(self._watch.poll, None):
             entity = Entity.parse(token.key)
             if entity is None or entity.name != self._name:
@@ -196,7 +196,7 @@ class ClockSource:
         node = self._nodes.get(publisher)
         return 0 if node is None else 2 if node == SIMULATION else 1
 
-    def _called(self, publisher: bytes) -> str:
+    def _label(self, publisher: bytes) -> str:
         return self._nodes.get(publisher) or "a publisher without a token"
 
 
@@ -214,7 +214,7 @@ class ClockPacer:
         self._node = node
         self._source = ClockSource(node)
         node.refusal_counters.append(self._source.counts)
-        self._silence = ClockWatchdog(node, node.log)
+        self._watchdog = ClockWatchdog(node, node.log)
         self._next = self._jumps = 0
         self._epoch, self._simulation = -1, b""
 
@@ -237,9 +237,9 @@ class ClockPacer:
                 passed += [] if clock is None else [clock.clock.ns]
                 clock, simulation = newer, publisher
         if clock is None:
-            self._silence.check()
+            self._watchdog.check()
             return None
-        self._silence.note_sample(clock.paused)
+        self._watchdog.note_sample(clock.paused)
         now = clock.clock.ns
         restarted = clock.epoch != self._epoch or simulation != self._simulation
         if not restarted:
@@ -284,7 +284,7 @@ class LockstepPacer:
         node.refusal_counters.append(self._member.refusals)
         self.raw = self._member.raw
         self.watermarks: Watermarks | None = self._member.watermarks
-        self._silence = ClockWatchdog(node, node.log)
+        self._watchdog = ClockWatchdog(node, node.log)
         self._joining: StepGrant | None = None
         self._join_sent = False
         self._deadline = self._looked = 0.0
@@ -303,12 +303,12 @@ class LockstepPacer:
             self._node.log.warn(f"a Go is refused: {self._member.refusals.reason}", every=10.0)
         if go is None:
             self._link()
-            self._silence.check()
+            self._watchdog.check()
             return None
         if go.roster:
             self._joined(go)
             return None
-        self._silence.note_sample(go.paused)
+        self._watchdog.note_sample(go.paused)
         if go.paused:
             return None
         if go.readers and not self._reaches(go):
@@ -373,20 +373,20 @@ class LockstepPacer:
         self._read, self._latched = read, latched
         return tuple(reads) if self._reports_reads else (), tuple(latches)
 
-    def _joined(self, greeting: StepGrant) -> None:
+    def _joined(self, join: StepGrant) -> None:
         """Answer a join at once if all peers are visible, else once they are; a newer join replaces a waiting one."""
-        if self._joining is not None and self._joining.simulation != greeting.simulation:
+        if self._joining is not None and self._joining.simulation != join.simulation:
             self._link()
-        self._silence.note_sample(greeting.paused)
+        self._watchdog.note_sample(join.paused)
         if self._joining is None:
             self._deadline = time.monotonic() + LINK_S
-        self._joining, self._looked = greeting, 0.0
+        self._joining, self._looked = join, 0.0
         self._link()
 
     def _link(self) -> None:
         """Answer the join once all peers are visible, or after LINK_S in any case."""
         now = time.monotonic()
-        if self._joining is None or now - self._looked < LOOK_S:
+        if self._joining is None or now - self._looked < PEER_CHECK_S:
             return
         self._looked = now
         if absent := self._member.absent(self._joining.roster):
@@ -396,13 +396,13 @@ class LockstepPacer:
             self._node.log.warn(
                 f"timed out after {LINK_S:g} s waiting to discover {listed}; continuing without", every=10.0
             )
-        greeting, self._joining = self._joining, None
-        self.roster = greeting.roster
+        join, self._joining = self._joining, None
+        self.roster = join.roster
         self._changes()
         if not self._join_sent:
             self._join_sent = True
             sequence_numbers(self._node.publishers)
-        self._member.send_join(greeting, *last_reported(self._node.publishers), tuple(self._latched))
+        self._member.send_join(join, *last_reported(self._node.publishers), tuple(self._latched))
 
 
 def _missing_readers(go: StepGrant, tokens: Callable[[str], Collection[str]]) -> set[tuple[str, str]]:

@@ -27,7 +27,7 @@ PARENT = "ELEA_PARENT_PID"
 """Environment variable by which a supervisor asks its children not to outlive it."""
 
 SWEEP = "ELEA_SWEEP_PID"
-"""The same from a sweep to its runs, which are supervisors themselves."""
+"""Like PARENT, set by a sweep for its runs, which are supervisors themselves."""
 
 PROGRAM = "ELEA_PROGRAM"
 """Environment variable with the command that started the service, set by ``./elea run`` for the usage line."""

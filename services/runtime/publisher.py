@@ -12,7 +12,7 @@ from services.runtime.transport.api import Transport
 from services.runtime.transport.wire import encoding, pack_attachment, publisher_id
 
 Put = Callable[..., Any]
-"""``put(payload, attachment=…)`` of an outlet."""
+"""``put(payload, attachment=…)`` of a raw publisher."""
 
 
 class SendBuffer:
@@ -26,7 +26,7 @@ class SendBuffer:
         self.held: list[tuple[Put, bytes, bytes]] | None = None
 
     def put(self, put: Put, payload: bytes, attachment: bytes) -> None:
-        """Send a sample with the ``put`` of its outlet, or hold it during a burst."""
+        """Send a sample with the ``put`` of its raw publisher, or hold it during a burst."""
         if self.held is None:
             put(payload, attachment=attachment)
         else:
@@ -50,7 +50,7 @@ M = TypeVar("M", bound=Message)
 class Publisher(Generic[M]):
     """One publication; ``sent`` is the number of the last sample, ``reported`` the last one reported to lockstep.
 
-    During a burst, samples are held in ``outbox``; commands are held in ``commands`` only.
+    During a burst, samples are held in ``send_buffer``; commands are held in ``command_buffer`` only.
     """
 
     def __init__(
@@ -60,8 +60,8 @@ class Publisher(Generic[M]):
         key: str,
         node: str,
         transport: Transport,
-        outbox: SendBuffer | None = None,
-        commands: SendBuffer | None = None,
+        send_buffer: SendBuffer | None = None,
+        command_buffer: SendBuffer | None = None,
     ) -> None:
         self.topic, self.name, self.key = topic, name, key
         self.publisher = publisher_id(node, transport.session, key)
@@ -73,10 +73,10 @@ class Publisher(Generic[M]):
         if quality is Quality.COMMAND:
             # A burst would delay a command's effect, so it is held only for the commands of nodes in the same
             # process, with which it then shares packets.
-            outbox, quality = commands, quality if commands is None else Quality.VITAL
+            send_buffer, quality = command_buffer, quality if command_buffer is None else Quality.VITAL
         self._raw = transport.advertise(key, encoding(topic.record.ROS_TYPE), quality)
         self._put = self._raw.put
-        self._outbox = SendBuffer() if outbox is None else outbox
+        self._send_buffer = SendBuffer() if send_buffer is None else send_buffer
 
     def publish(self, message: M) -> None:
         """Publish ``message``; raises TypeError if it is not of the topic's type."""
@@ -88,7 +88,7 @@ class Publisher(Generic[M]):
         """Publish an encoded record of the topic's type, sent at ``source_ns`` of the system clock (default: now)."""
         self.sent = sent = self.sent + 1
         attachment = pack_attachment(sent, self.publisher, source_ns)
-        if (held := self._outbox.held) is None:
+        if (held := self._send_buffer.held) is None:
             self._put(payload, attachment=attachment)
         else:
             held.append((self._put, payload, attachment))

@@ -44,18 +44,12 @@ def read_replies(request: Request[Q, R], key: str, replies: Sequence[Reply], tim
         raise NoAnswer(f"no server for {name}: is the process that provides it running?")
     check_single(name, replies, transport)
     for reply in replies:
-        if not reply.ok:
-            continue
-        try:
-            return decoder(request.response_type)(reply.payload)
-        except WrongPayload as error:
-            raise CallFailed(
-                f"{name} answered with something else than a {request.response_type.__name__}: {error}"
-            ) from None
+        if reply.ok:
+            return decode_response(request, name, reply.payload)
     answer = next((each for each in replies if each.payload != TIMEOUT), None)
     if answer is None:
         raise NoAnswer(f"{name} did not answer within {timeout} s: it may be stuck, or have died")
-    raise CallFailed(_reason_of(name, answer.payload))
+    raise CallFailed(f"{name}: {refusal_reason(answer.payload)}")
 
 
 def check_single(name: str, replies: Sequence[Reply], transport: Transport) -> None:
@@ -80,11 +74,22 @@ def servers(transport: Transport, name: str = "*") -> list[Entity]:
     return [each for each in found if each is not None]
 
 
-def _reason_of(name: str, payload: bytes) -> str:
+def decode_response(request: Request[Q, R], name: str, payload: bytes) -> R:
+    """Return the response in a reply of the request ``name``; raises CallFailed if it is not of the request's type."""
     try:
-        return f"{name}: {_read_refusal(payload).reason}"
+        return decoder(request.response_type)(payload)
+    except WrongPayload as error:
+        raise CallFailed(
+            f"{name} answered with something other than a {request.response_type.__name__}: {error}"
+        ) from None
+
+
+def refusal_reason(payload: bytes) -> str:
+    """Return the reason in the error reply of a request."""
+    try:
+        return _read_refusal(payload).reason
     except WrongPayload:
-        return f"{name} refused without a reason that can be read: {payload[:80]!r}"
+        return f"refused without a reason that can be read: {payload[:80]!r}"
 
 
 MAX_PER_TURN = 16
@@ -164,7 +169,8 @@ class RequestHandler(Generic[Q, R]):
         if (query := self._server.recv()) is None:
             return
         if query.key != self._key:
-            query.refuse(self._refusals.add(f"asked of {query.key[:80]!r}, not of {self.name} alone"))
+            reason = f"sent to {query.key[:80]!r}: a request names one service, here {self.name}, without wildcards"
+            query.refuse(self._refusals.add(reason))
             return
 
         def respond() -> None:

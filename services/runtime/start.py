@@ -10,7 +10,7 @@ from typing import Any
 from messages.names import Identity
 from services.runtime.composition.container import Container, NodeFailed
 from services.runtime.context import Context, MakePacer
-from services.runtime.errors import BadInput, EleaError, Stopped, TryAgain
+from services.runtime.errors import BadInput, EleaError, Stopped, TryAgain, list_names
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.client import ParameterClient
@@ -43,10 +43,10 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
             if node.calling:
                 raise Stopped("the process was asked to end while it waited for an answer")
 
-        followed = _parameter_subscription(service, node, options)
-        params = followed.params if followed is not None else options["params"]
+        subscription = _parameter_subscription(service, node, options)
+        params = subscription.params if subscription is not None else options["params"]
         steps = options["lockstep"] and service.role != "router"  # which only forwards what the others send
-        context = Context(node, params, service.rate, steps, service.role == "observer", followed)
+        context = Context(node, params, service.rate, steps, service.role == "observer", subscription)
         install_signal_handlers(stop)  # until here, a signal raised Stopped at once
         try:
             run(context)
@@ -87,17 +87,16 @@ def _run_component(
     service: Service, run: Run, options: dict[str, Any], node: Node, make_pacer: MakePacer | None
 ) -> None:
     """Run the loop of one node of a container."""
-    followed = _parameter_subscription(service, node, options)
-    params = followed.params if followed is not None else options["params"]
-    run(Context(node, params, service.rate, options["lockstep"], False, followed, make_pacer))
+    subscription = _parameter_subscription(service, node, options)
+    params = subscription.params if subscription is not None else options["params"]
+    run(Context(node, params, service.rate, options["lockstep"], False, subscription, make_pacer))
 
 
 def _failure(failure: NodeFailed, nodes: Sequence[str]) -> EleaError:
     """Return the error of a container's process; prints the traceback unless it is an EleaError."""
     error = failure.error
     others = [each for each in nodes if each != failure.node]
-    listed = ", ".join(others[:_MAX_LISTED]) + (f" and {len(others) - _MAX_LISTED} more" * (len(others) > _MAX_LISTED))
-    ends = f"; its process ends, and with it {listed}" if others else ""
+    ends = f"; its process ends, and with it {list_names(others, _MAX_LISTED)}" if others else ""
     for kind in (TryAgain, BadInput, EleaError):
         if isinstance(error, kind):
             return kind(f"{failure.node}: {error}{ends}")
@@ -111,15 +110,15 @@ def _parameter_subscription(service: Service, node: Node, options: dict[str, Any
         return None
     ParameterClient.of(node, quiet=service.role == "router").expected = options["await_params"]
     name = node.identity.resolve(service.parameter_set or node.identity.node)
-    followed: ParameterSubscription[Any] = ParameterSubscription(
+    subscription: ParameterSubscription[Any] = ParameterSubscription(
         node,
         name,
         options["params"],
         fleet=stated(service.parameters, options["fleet"]),
         command_line=stated(service.parameters, options["command_line"]),
     )
-    followed.start()
-    return followed
+    subscription.start()
+    return subscription
 
 
 def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:

@@ -145,7 +145,7 @@ class Subscriber(Generic[M]):
         if threaded:
             self.raw: RawSubscriber = transport.subscribe_threaded(key, self._capacity, past)
         else:
-            self.raw = transport.subscribe(key, self._capacity, past, self._stir if rare else None)
+            self.raw = transport.subscribe(key, self._capacity, past, self._on_sample if rare else None)
         self.messages: list[tuple[M, SampleInfo | None]] = []
         self.received = self.lost = self.refused = self.foreign = self.repeated = self.resynced = 0
         self.reason = ""
@@ -165,37 +165,37 @@ class Subscriber(Generic[M]):
         """
         self._topic_bytes = publisher_id("", "", key)[MEMBER_BYTES:]
 
-    def update(self, marks: Watermarks | None = None, patience: WaitBudget | None = None) -> None:
-        """Read new samples. With ``marks`` (lockstep), defer members' samples until the members have reported them."""
+    def update(self, watermarks: Watermarks | None = None, budget: WaitBudget | None = None) -> None:
+        """Read new samples. With ``watermarks`` (lockstep), defer members' samples until their senders report them."""
         if self._gaps:
             self._gaps.clear()
         fresh = self._drain() if self.pending else []
-        if marks is None:
+        if watermarks is None:
             if self._deferred:
                 fresh = [*(entry[:2] for held in self._deferred.values() for entry in held), *fresh]
                 self._deferred.clear()
             self.messages = fresh
             return
-        if awaited := marks.required.get(self.key):
-            self._wait_for_required(awaited, fresh, patience or WaitBudget())
-        if fresh and (before := marks.skipped.get(self.key)):
+        if awaited := watermarks.required.get(self.key):
+            self._wait_for_required(awaited, fresh, budget or WaitBudget())
+        if fresh and (before := watermarks.skipped.get(self.key)):
             fresh = [each for each in fresh if each[1] is None or each[1].sequence > before.get(each[1].publisher, 0)]
         if not fresh and not self._deferred:
             self.messages = fresh
             return
-        reached = marks.admitted_upto.get(self.key, {})
+        reached = watermarks.admitted_upto.get(self.key, {})
         ready: list[tuple[M, SampleInfo | None]] = []
         if self._deferred:
             for _, origin in fresh:
                 if origin is not None:
                     self._drop_replaced(origin)
-            self._admit_deferred(marks, reached, ready)
+            self._admit_deferred(watermarks, reached, ready)
         for entry in fresh:
             origin = entry[1]
             if (
                 self._by_ticks
                 and origin is not None
-                and (publisher := origin.publisher)[:MEMBER_BYTES] in marks.members
+                and (publisher := origin.publisher)[:MEMBER_BYTES] in watermarks.members
                 and origin.sequence > (last := reached.get(publisher, 0))
             ):
                 self._defer(entry[0], origin, last)
@@ -244,9 +244,9 @@ class Subscriber(Generic[M]):
             self.pending = bool(self.messages or self._deferred)
         if (first := self.raw.recv()) is None:
             return taken
-        open_ = self._decode_sample
+        decode_sample = self._decode_sample
         for sample in chain((first,), islice(iter(self.raw.recv, None), self._capacity - 1)):
-            if (entry := open_(sample)) is not None:
+            if (entry := decode_sample(sample)) is not None:
                 taken.append(entry)
         if taken:
             self.pending = True
@@ -287,7 +287,7 @@ class Subscriber(Generic[M]):
         self.received += 1
         return message, origin
 
-    def _stir(self) -> None:
+    def _on_sample(self) -> None:
         """Note that a sample of a rare topic has arrived; called in a thread of the network."""
         self.pending = True
 
@@ -312,7 +312,7 @@ class Subscriber(Generic[M]):
         return True
 
     def _reject_payload(self, origin: SampleInfo | None, follows: bool, reason: str) -> None:
-        """Refuse a payload. If its number was the next one due, it is passed over: not also lost, nor waited for."""
+        """Refuse a payload. If its number was the next one due, it is skipped: not counted as lost, nor waited for."""
         self.reject(reason)
         if origin is not None and (follows or origin.publisher not in self._last):
             self._sequences.pass_over(origin.publisher, origin.sequence)
@@ -334,7 +334,7 @@ class Subscriber(Generic[M]):
         return False
 
     def _wait_for_required(
-        self, awaited: dict[bytes, int], fresh: list[tuple[M, SampleInfo | None]], patience: WaitBudget
+        self, awaited: dict[bytes, int], fresh: list[tuple[M, SampleInfo | None]], budget: WaitBudget
     ) -> None:
         """Block until every required sample has arrived. Samples that do not arrive within the budget, or whose
         publisher is gone, count as lost.
@@ -343,7 +343,7 @@ class Subscriber(Generic[M]):
         while missing := [
             each for each, number in awaited.items() if self._last.get(each, 0) < number and each not in lost
         ]:
-            lost.update(patience.gone(missing) if patience.sleep() else missing)
+            lost.update(budget.gone(missing) if budget.sleep() else missing)
             fresh += self._drain()
         for publisher in lost:
             # The first number of a publisher without any sample is unknown, so at least one is lost.
@@ -354,17 +354,17 @@ class Subscriber(Generic[M]):
                 self._sequences.give_up(publisher, awaited[publisher])
             else:
                 continue  # it arrived at the last moment
-            patience.missed.append(self.name)
+            budget.missed.append(self.name)
 
     def _admit_deferred(
-        self, marks: Watermarks, reached: dict[bytes, int], ready: list[tuple[M, SampleInfo | None]]
+        self, watermarks: Watermarks, reached: dict[bytes, int], ready: list[tuple[M, SampleInfo | None]]
     ) -> None:
         """Admit deferred samples that their member has reported, and all those of nodes that are no longer members."""
         for publisher, held in list(self._deferred.items()):
-            last = reached.get(publisher, 0) if publisher[:MEMBER_BYTES] in marks.members else held[-1][1].sequence
+            last = reached.get(publisher, 0) if publisher[:MEMBER_BYTES] in watermarks.members else held[-1][1].sequence
             while held and held[0][1].sequence <= last:
                 ready.append(held.popleft()[:2])
-            if held and marks.epoch_changed:
+            if held and watermarks.epoch_changed:
                 for *_, missing in held:
                     self._retract(missing, "a member's number that it had not reported before the reset: is it forged?")
                 held.clear()

@@ -142,7 +142,7 @@ class ServiceHarness:
         self._settle()
         deadline = time.monotonic() + WITHIN_S
         while ticks and self.running and not self.reads(CLOCK):
-            assert time.monotonic() < deadline, f"the loop asks for no tick\n{self.log}"
+            assert time.monotonic() < deadline, f"the loop has not called ctx.ticks()\n{self.log}"
             time.sleep(0.001)
 
     def _settle(self) -> None:

@@ -43,7 +43,9 @@ def elea_home(environment: Mapping[str, str] = os.environ) -> Path | None:
     """Return the folder in ELEA_HOME; None if it is not set. Raises BadInput for a relative path."""
     given = environment.get(HOME_VARIABLE, "")
     if given and not Path(given).is_absolute():
-        raise BadInput(f"{HOME_VARIABLE} is {given!r}: give an absolute path, so that every command means one folder")
+        raise BadInput(
+            f"{HOME_VARIABLE} is {given!r}: give an absolute path, so that every command uses the same folder"
+        )
     return Path(given) if given else None
 
 

@@ -1,4 +1,4 @@
-"""The budget of a turn in lockstep, in points that are counted and not measured by a clock, so that a run repeats."""
+"""The budget of a turn in lockstep: points, counted rather than measured by a clock, so that runs are repeatable."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 BUDGET = 500.0
 """Points that a thread may spend in one tick; its turn then ends, and it continues at the next tick."""
-LOOK = 1.0
+QUERY = 1.0
 PUBLISH = 5.0
 LOG = 5.0
 CALL = 50.0
@@ -16,10 +16,10 @@ WHILE_PASSES = 100
 _COMMAND = re.compile(r"/gazebo/(apply|set|clear)_\w+")
 _STATE = re.compile(r"/gazebo/get_(joint|link|model)_\w+")
 _TABLE = (
-    (LOOK, "a look at time, shutdown, connections, a parameter, a goal's state; a failed lookup of a transform"),
+    (QUERY, "a query of the time, shutdown, connections, a parameter or a goal's state; a failed transform lookup"),
     (PUBLISH, "a published message"),
-    (LOG, "a line of the log"),
-    (CALL, "a call of a service"),
+    (LOG, "a log line"),
+    (CALL, "a service call"),
     (1 / WHILE_PASSES, "a pass of a while loop, or of a for loop over an endless iterator"),
 )
 
@@ -33,9 +33,9 @@ def explain() -> str:
 class GazeboCalls:
     """Ends the turn of a thread that reads a state again after it has sent a command.
 
-    A control loop without any wait, ``get_joint_properties`` and ``apply_joint_effort`` in turn, sees a new state in
-    each round in Gazebo, whose steps are shorter than a call. Here it gets one round per tick: in a second one nothing
-    would have moved, and its difference quotients would be 0.
+    A control loop that alternates ``get_joint_properties`` and ``apply_joint_effort`` without waiting sees a new state
+    in each iteration in Gazebo, whose steps are shorter than a call. Here it gets one iteration per tick: in a second
+    one nothing would have moved, and its finite differences would be 0.
     """
 
     def __init__(self) -> None:

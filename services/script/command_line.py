@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, TryAgain
-from services.runtime.main import parse_options
+from services.runtime.main import network_options, parse_options
 
 
 def main() -> None:
@@ -48,9 +48,9 @@ def _pin_hashes(options: dict[str, Any]) -> None:
 
     Python reads the seed of its hashes before anything runs.
     """
-    wanted = hash_environment(options["seed"])
-    if options["lockstep"] and not wanted.items() <= os.environ.items():
-        os.environ.update(wanted)
+    environment = hash_environment(options["seed"])
+    if options["lockstep"] and not environment.items() <= os.environ.items():
+        os.environ.update(environment)
         os.execv(sys.executable, [sys.executable, "-P", "-m", "services.script", *sys.argv[1:]])
 
 
@@ -64,7 +64,7 @@ def _check(**options: Any) -> dict[str, Any] | None:
         click.echo(explain())
         return None
     if options["file"] is None:
-        raise click.UsageError("Missing the script's FILE.")
+        raise click.UsageError("Missing argument 'FILE': the script to run.")
     try:
         for each in options["remap"]:
             if not each.startswith("_"):
@@ -75,11 +75,10 @@ def _check(**options: Any) -> dict[str, Any] | None:
     file = Path(options["file"])
     if not file.is_file():
         raise BadInput(f"{file}: there is no such file" if not file.exists() else f"{file} is not a file")
-    options["lockstep"] = options["lockstep"] and not options["wall_time"]
+    if options["wall_time"] and options["lockstep"]:
+        raise BadInput("--wall-time and --lockstep exclude each other")
     if options["lockstep"] and not options["name"]:
         options["name"] = legal_node_name(file.stem) or "script"
-    if options["wall_time"] and "--lockstep" in sys.argv:
-        raise BadInput("--wall-time and --lockstep exclude each other")
     return options
 
 
@@ -90,27 +89,10 @@ _COMMAND = click.Command(
     help="Run a script that was written for ROS 1. What follows FILE belongs to the script.",
     context_settings={"ignore_unknown_options": False, "allow_interspersed_args": False},
     params=[
-        _option(["--namespace"], default="/", help="Namespace of the node's relative names, as /tb3_0."),
+        _option(["--namespace"], default="/", help="Namespace of the node's relative names, such as /tb3_0."),
         _option(["--name"], default="", help="Name of the node, in place of the script's."),
         _option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; _K:=V sets a parameter."),
-        _option(
-            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; your own on port 7447 by default."
-        ),
-        _option(["--domain"], default="", help="Domain of the fleet; it keeps fleets of one network apart."),
-        _option(
-            ["--topology"],
-            type=click.Choice(["direct", "star"]),
-            default="direct",
-            help="Connect to nodes directly, or only via the router.",
-        ),
-        _option(["--lockstep"], is_flag=True, help="Run in lockstep: the simulation waits for this node."),
-        _option(["--await-params"], is_flag=True, help="Start only once there is a parameter service."),
-        _option(
-            ["--log-level"],
-            type=click.Choice(["debug", "info", "warn", "error"]),
-            default="info",
-            help="Log this level and above.",
-        ),
+        *(each for each in network_options() if each.name != "print_config"),
         _option(["--rate"], type=click.FloatRange(1, 200), default=100.0, help="Maximum steps per second in lockstep."),
         _option(["--frame-prefix"], default="", help="Prefix of its robot's frames, e.g. tb3_0/."),
         _option(["--wall-time"], is_flag=True, help="Follow the wall clock; no simulation is needed."),

@@ -46,16 +46,16 @@ _SEND_S = 0.03
 _LEAVE_S = 0.3
 """The same in lockstep, for the report of the last tick: without it the script counts as lost, not as finished."""
 _ANSWER_S = 330.0
-"""Wall time [s] to wait for a service of this project in lockstep: longer than the simulation, which answers once the
-other members are done or are calling, too, waits for a slow one of them.
+"""Wall time [s] to wait for a service of this project in lockstep. The simulation answers only once every other member
+is done or calling too, so this is longer than its own patience with a slow member.
 """
 _SETTLE_S = 0.4
 """Wall time [s] that a script of a fleet leaves for the network to connect before it computes."""
 _LATE_S = 0.05
 """Wall time [s] within which several checks by the main thread count as one, once the process is asked to end."""
 _LOCKSTEP_PATIENCE_S = 60.0
-"""Wall time [s] without a first tick after which a script reports it; the simulation reports
-earlier whom it waits for.
+"""Wall time [s] without a first tick after which a script reports it; the simulation reports earlier which members it
+waits for.
 """
 _START_S = 10.0
 """Wall time [s] that a call waits for time to begin: messages arrive only from then on."""
@@ -86,7 +86,7 @@ class ScriptKernel:
         self.frames = RobotFrames(self.options.frame_prefix)
         self.noticed = self.hooks_done = False
         """Whether the main thread has noticed that the process is asked to end; whether the hooks have run."""
-        self.late_looks = 0
+        self.late_checks = 0
         """Number of periods of _LATE_S in which it checked or waited since then: a loop that goes on does so
         repeatedly.
         """
@@ -117,7 +117,7 @@ class ScriptKernel:
         self._linked: set[str] = set()
         """The followed publications that reach a subscriber."""
         self._hooks_lock = threading.RLock()
-        self._ending = self._excused = self._early = False
+        self._ending = self._unrepeatable_reported = self._early = False
         self._gazebo = GazeboCalls()
         self.end_process: Callable[[str], None] = self.shut_down
         """Ends the process, with a reason, as if asked from outside."""
@@ -162,7 +162,9 @@ class ScriptKernel:
             if self.node is not None and self._early:
                 self._early = False
                 if node != self.node.identity.node:
-                    self._warn(f"this process is {self.node.identity.node} in its fleet, the script says {node}")
+                    self._warn(
+                        f"the fleet names this node {self.node.identity.node}; the script's own name {node} is ignored"
+                    )
                 return
             if self.node is not None:
                 raise BadInput(f"this process is the node {self.node.identity.node} already")
@@ -340,9 +342,9 @@ class ScriptKernel:
         if self.turns is None:
             yield
             return
-        if not self._excused:
-            self._excused = True
-            self._excuse(f"the script reads {what}: what it does with that need not repeat")
+        if not self._unrepeatable_reported:
+            self._unrepeatable_reported = True
+            self._report_unrepeatable(f"the script reads {what}: this run may not be repeatable")
         with self.turns.outside(what):
             yield
 
@@ -376,12 +378,12 @@ class ScriptKernel:
     def end_waits(self) -> None:
         """End all waits, also in hooks that still run."""
         self.threads.stop()
-        self.hurry()
+        self.stop_awaiting_ticks()
 
-    def hurry(self) -> None:
+    def stop_awaiting_ticks(self) -> None:
         """Stop waiting for ticks: the process is asked to end."""
         if isinstance(self._loop, LockstepLoop):
-            self._loop.hurry()
+            self._loop.stop_awaiting_ticks()
 
     def log(self, level: int, text: str, where: Mapping[str, Any]) -> None:
         node = self.node
@@ -467,9 +469,9 @@ class ScriptKernel:
             self.network.update()
         return self.network.origin(publisher)
 
-    def ends(self, kind: str, name: str) -> list[str]:
+    def endpoint_nodes(self, kind: str, name: str) -> list[str]:
         """Return the nodes with an endpoint of this kind; the script's own endpoints are known at once."""
-        found = set(self.network.ends(kind, name))
+        found = set(self.network.endpoint_nodes(kind, name))
         if self.node is not None:
             own = self.readers if kind == "sub" else {each.name for each in self.outputs}
             found = found - {self.node.identity.node} | ({self.node.identity.node} if name in own else set())
@@ -487,6 +489,10 @@ class ScriptKernel:
             if output not in self.outputs:
                 return
             self.outputs.remove(output)
+            follower = self.followers.get(output.name)
+            if follower is not None and follower.output is output:
+                del self.followers[output.name]
+                follower.worker.close()
             if (
                 publisher is not None
                 and self.node is not None
@@ -512,6 +518,9 @@ class ScriptKernel:
         with self.lock_node:
             if server in self.servers:
                 self.servers.remove(server)
+                if server.queries is not None:
+                    server.queries.close()
+                    server.queries = None
                 if self.node is not None:
                     self.node.withdraw_server(server.name, server.ros_type)
                 if self._stepping is not None:
@@ -529,7 +538,7 @@ class ScriptKernel:
     def _writer(self) -> str:
         return self.node.identity.node if self.node is not None else f"/_script_{self.transport.session[:12]}"
 
-    def _excuse(self, reason: str) -> None:
+    def _report_unrepeatable(self, reason: str) -> None:
         """Report in the log and as a check that the run may not repeat, which is not a failure."""
         self._warn(reason)
         if self.node is not None:
@@ -547,7 +556,7 @@ class ScriptKernel:
             self.noticed = True
             if (now := time.monotonic()) - self._late_since > _LATE_S:
                 self._late_since = now
-                self.late_looks += 1
+                self.late_checks += 1
 
     def _announce(self, *types: str) -> None:
         """Announce the definitions of types that only the script's own packages have."""
@@ -563,7 +572,8 @@ class ScriptKernel:
         for each in node.publishers:
             if each.name == output.name and output.ros_type != each.topic.record.ROS_TYPE:
                 raise BadInput(
-                    f"{output.name} carries {each.topic.record.ROS_TYPE} from this node already, not {output.ros_type}"
+                    f"this node already publishes {each.topic.record.ROS_TYPE} on {output.name}, so it cannot publish "
+                    f"{output.ros_type} there"
                 )
         output.bind(node)
 
@@ -581,4 +591,7 @@ class ScriptKernel:
         for name, (ros_type, node) in self.network.other_types(own).items():
             if name not in self._warned:
                 self._warned.add(name)
-                self._warn(f"{name} is {own[name]} here and {ros_type} for {node}: they do not understand each other")
+                self._warn(
+                    f"{name} has the type {own[name]} here but {ros_type} in {node}: neither can decode the other's "
+                    "messages"
+                )

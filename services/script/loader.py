@@ -216,7 +216,7 @@ def pin_randomness(seed: int, node: str) -> Callable[[str], None]:
         if not seeded and (name == "numpy" or "numpy.random" in sys.modules):
             seeded = True
             numpy_random = importlib.import_module("numpy.random")
-            numpy_random.seed(number % (1 << 32))
+            numpy_random.seed((number ^ seed) % (1 << 32))
 
     return imported
 

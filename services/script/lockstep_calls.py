@@ -12,13 +12,14 @@ from typing import Any, Protocol
 import msgspec
 
 from messages.base import DECODE_ERRORS, encode, raw_decoder
+from messages.records import unknown_record
 from messages.topics import Quality, Topic
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 from services.runtime.transport.api import Reply
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from services.script.services import ServiceServer
-from services.script.topics import ForeignSubscriber, record_of
+from services.script.topics import ForeignSubscriber
 
 
 class CallRequest(msgspec.Struct, frozen=True):
@@ -50,7 +51,7 @@ class Publish(Protocol):
 
 def call_topic(name: str, part: str) -> Topic[Any]:
     """Return the topic of a service's requests (``request``) or replies (``reply``)."""
-    record = record_of(f"elea_msgs/Call{part.capitalize()}")
+    record = unknown_record(f"elea_msgs/Call{part.capitalize()}")
     return Topic(f"{name}/_{part}", record, 0, Quality.EVENT, "", LARGEST_MESSAGE)
 
 

@@ -12,20 +12,20 @@ import msgspec
 
 from messages.base import DECODE_ERRORS, encode, raw_decoder
 from messages.names import key as key_of
+from messages.records import unknown_record
 from messages.topics import Quality, Topic
 from services.runtime.graph import Entity
 from services.runtime.transport.api import Transport
 from services.runtime.transport.wire import publisher_id
 from services.script.api import GraphEntry, Origin
 from services.script.network import Network
-from services.script.topics import record_of
 
-ENDS: Topic[Any] = Topic(
+ENDPOINTS: Topic[Any] = Topic(
     "/_scripts",
-    record_of("elea_msgs/ScriptEnds"),
+    unknown_record("elea_msgs/ScriptEnds"),
     0,
     Quality.LATCHED,
-    "what a script publishes, reads and serves",
+    "publications, subscriptions and services of a script",
     1 << 20,
 )
 SCRIPT = "script"
@@ -34,7 +34,7 @@ ANNOUNCING = (SCRIPT, "turtlesim")
 """The kinds of nodes that announce their endpoints; their tokens do not count."""
 
 
-class End(msgspec.Struct, frozen=True):
+class Endpoint(msgspec.Struct, frozen=True):
     """A publication, subscription or service of a script."""
 
     kind: str
@@ -48,7 +48,7 @@ class ScriptEnds(msgspec.Struct, frozen=True):
 
     node: str
     session: str
-    ends: tuple[End, ...] = ()
+    ends: tuple[Endpoint, ...] = ()
 
 
 _decode = raw_decoder(ScriptEnds)
@@ -100,7 +100,7 @@ class LockstepNetwork(Network):
         """Return whether a session belongs to a script that announces its endpoints."""
         return session in self._scripts
 
-    def ends(self, kind: str, name: str) -> list[str]:
+    def endpoint_nodes(self, kind: str, name: str) -> list[str]:
         return sorted({each.node for each in self._all() if each.kind == kind and each.name == name})
 
     def server(self, name: str) -> Entity | None:
@@ -127,6 +127,6 @@ class LockstepNetwork(Network):
         return found
 
 
-def encode_announcement(node: str, session: str, ends: tuple[End, ...]) -> bytes:
+def encode_announcement(node: str, session: str, ends: tuple[Endpoint, ...]) -> bytes:
     """Return the payload that announces a script's publications, subscriptions and services."""
     return encode(ScriptEnds(node, session, ends))

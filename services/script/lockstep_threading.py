@@ -162,10 +162,21 @@ def threading_module(turns: TurnThreads) -> ModuleType:
                 raise ValueError("Semaphore released too many times")
             super().release(n)
 
+    class Barrier(real_threading.Barrier):
+        """A barrier whose waits end turns."""
+
+        def __init__(
+            self, parties: int, action: Callable[[], None] | None = None, timeout: float | None = None
+        ) -> None:
+            super().__init__(parties, action, timeout)
+            self._cond = Condition(Lock())
+
     class Thread(real_threading.Thread):
         """A thread that takes turns."""
 
         def start(self) -> None:
+            if getattr(self, "_turn", None) is not None:
+                raise RuntimeError("threads can only be started once")
             inner = self.run
             self._turn = turns.enroll(self.name)
             self.run = lambda: turns.take_part(self._turn, inner)  # type: ignore[method-assign]
@@ -207,7 +218,7 @@ def threading_module(turns: TurnThreads) -> ModuleType:
 
     made = ModuleType("threading", real_threading.__doc__)
     made.__dict__.update(real_threading.__dict__)
-    for each in (Lock, RLock, Condition, Event, Semaphore, BoundedSemaphore, Thread, Timer):
+    for each in (Lock, RLock, Condition, Event, Semaphore, BoundedSemaphore, Barrier, Thread, Timer):
         setattr(made, each.__name__, each)
     return made
 

@@ -215,8 +215,8 @@ class TypeChecker:
                 return None if value.isascii() else f"field {name} is a non-ascii string"
             return None if type(value) is bytes else f"field {name} must be of type bytes or an ascii string"
         if kind in self._times:
-            word, wanted = self._times[kind]
-            return None if isinstance(value, wanted) else f"field {name} must be of type {word}"
+            word, expected = self._times[kind]
+            return None if isinstance(value, expected) else f"field {name} must be of type {word}"
         if kind.endswith("]"):
             return self._items_fault(name, kind.partition("[")[0], value)
         return self._message_fault(name, kind, value)

@@ -330,7 +330,7 @@ def _numbers_encoding(kind: str, length: int | None, extension: bool) -> Callabl
 def _numbers_decoding(field: Field, length: int | None) -> Callable[[Any], Any]:
     code = CODES[field.type]
     dtypes = {"float32": "<f4", "float64": "<f8"}
-    wanted, default = dtypes.get(field.type), False if field.type == "bool" else 0.0 if code in "fd" else 0
+    expected_dtype, default = dtypes.get(field.type), False if field.type == "bool" else 0.0 if code in "fd" else 0
     heads: dict[int, tuple[bytes, struct.Struct]] = {}
 
     def array(packed_array: Ext) -> tuple[Any, ...]:
@@ -345,7 +345,7 @@ def _numbers_decoding(field: Field, length: int | None) -> Callable[[Any], Any]:
         dtype, raw_size, flat = found
         if code not in "fd" and dtype.lstrip("<>|=")[0] == "f":
             raise WrongPayload(f"{field.name}: an array of {dtype} cannot be read as {field.full_type}")
-        if dtype == wanted:
+        if dtype == expected_dtype:
             if len(heads) > 64:
                 heads.clear()
             heads[size] = bytes(data[: size - raw_size]), struct.Struct(f"<{len(flat)}{code}")

@@ -43,18 +43,18 @@ _PIP = {
 }
 _INSTEAD = {
     "interactive_markers": "there are no interactive markers; goals are set in the panel's map",
-    "move_base_msgs": "its messages are those of the workspace, if it has the package",
+    "move_base_msgs": "put the package into the script's workspace to use its messages",
     "moveit_commander": "motion planning is not provided; joints are moved by trajectories "
     "(control_msgs/FollowJointTrajectory) or by position commands",
     "nodelet": "nodelets are C++",
     "python_qt_binding": "there is no rqt; ./elea panel shows topics, plots and parameters",
     "qt_gui": "there is no rqt; ./elea panel shows topics, plots and parameters",
-    "rclpy": "this is a ROS 2 program's library; only ROS 1 programs are run",
-    "rosbridge_library": "programs outside join by the web panel, or by Elea's Python client",
+    "rclpy": "it is the client library of ROS 2; only ROS 1 programs are supported",
+    "rosbridge_library": "external programs connect through the web panel or Elea's Python client",
     "rqt_gui": "there is no rqt; ./elea panel shows topics, plots and parameters",
     "rqt_gui_py": "there is no rqt; ./elea panel shows topics, plots and parameters",
-    "rviz": "there is no rviz; ./elea viewer shows the same",
-    "xmlrpclib": "it is Python 2's; there is no master to talk to",
+    "rviz": "there is no rviz; ./elea view shows the same",
+    "xmlrpclib": "it is a module of Python 2 (xmlrpc.client in Python 3), and there is no ROS master to call",
 }
 MODERN = {
     "BaseHTTPServer": "http.server",
@@ -107,17 +107,17 @@ def explain_missing(name: str, place: str, workspace: Workspace | None) -> str:
         return f"`{top}` has no module `{name.partition('.')[2]}` (import in {place})"
     if name.endswith(".cfg"):
         return (
-            f"the package `{top}`, whose .cfg this is, is not there (import in {place}): "
+            f"the package `{top}` of this .cfg was not found (import in {place}): "
             "put it into the script's workspace, or name its folder in ROS_PACKAGE_PATH"
         )
     if top.endswith(("_msgs", "_srvs")) or name.partition(".")[2].startswith(("msg", "srv")):
         return (
-            f"the message package `{top}` is not there (import in {place}): "
+            f"the message package `{top}` was not found (import in {place}): "
             "put it into the script's workspace, or name its folder in ROS_PACKAGE_PATH"
         )
     return (
         f"`{name}` is not part of Elea, nor in the script's folder or workspace (import in {place}); if it is a "
-        f"library of Python: uv pip install --python .venv/bin/python {top}"
+        f"Python library: uv pip install --python .venv/bin/python {top}"
     )
 
 

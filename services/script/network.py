@@ -27,7 +27,7 @@ class Network:
         self._following = threading.Lock()
         self._noticed = 0
         self._entities: dict[str, Entity] = {}
-        self._ends: dict[str, dict[str, Entity]] = {}
+        self._endpoints: dict[str, dict[str, Entity]] = {}
         """The publications and subscriptions of each topic."""
         self._origins: dict[bytes, Origin] = {}
         self.version = 0
@@ -53,13 +53,13 @@ class Network:
             else:
                 self._entities.pop(event.key, None)
             if entity.kind in ("pub", "sub"):
-                ends = self._ends.setdefault(entity.name, {})
+                ends = self._endpoints.setdefault(entity.name, {})
                 if event.alive:
                     ends[event.key] = entity
                 else:
                     ends.pop(event.key, None)
                 if not ends:
-                    del self._ends[entity.name]
+                    del self._endpoints[entity.name]
             if entity.kind == "pub":
                 publisher = publisher_id(entity.node, entity.session, key_of(entity.name))
                 self._origins[publisher] = Origin(entity.node, entity.detail == "LATCHED")
@@ -76,7 +76,7 @@ class Network:
             known = self._origins.get(publisher, _UNKNOWN)
         return known
 
-    def ends(self, kind: str, name: str) -> list[str]:
+    def endpoint_nodes(self, kind: str, name: str) -> list[str]:
         """Return the nodes that publish (``pub``), subscribe to (``sub``) or serve (``srv``) a name, sorted."""
         with self._lock:
             return sorted({each.node for each in self._entities.values() if each.kind == kind and each.name == name})
@@ -92,7 +92,7 @@ class Network:
         type.
         """
         with self._lock:
-            ends = [each for name in own for each in self._ends.get(name, {}).values()]
+            ends = [each for name in own for each in self._endpoints.get(name, {}).values()]
         return {
             each.name: (each.record, each.node)
             for each in sorted(ends, key=lambda each: (each.name, each.node))

@@ -23,7 +23,7 @@ from services.script.turns import TurnThreads
 
 _read_properties = decoder(WorldProperties)
 READY_S = 5.0
-"""Time [s] of the script's own after which it counts as ready even if it has not waited for anything.
+"""Run time [s] of a script after which it counts as ready even if it has not waited for anything.
 
 Excludes the time in which other processes keep it from running, as if the machine were idle.
 """
@@ -31,7 +31,7 @@ STOP_S = 2.0
 """Wall time [s] to wait for the end of the loop."""
 PEERS_S = 20.0
 """Wall time [s] to wait for the tokens of the other members at the first tick; only a member that has died has none."""
-_HURRY_S = 0.005
+_ENDING_POLL_S = 0.005
 
 
 class NodeOwner(Protocol):
@@ -65,7 +65,9 @@ class SteppingOwner(NodeOwner, Protocol):
         ...
 
     def idle_until(self) -> int:
-        """Return the time [ns] before which nothing is due unless a message arrives; 0 if there may be at any tick."""
+        """Return the time [ns] before which nothing is due unless a message arrives; 0 if something may be due at any
+        tick.
+        """
         ...
 
     def announce(self, final: bool = False) -> None:
@@ -166,7 +168,7 @@ class LockstepLoop:
         self._thread = threading.Thread(target=self._run, name="node", daemon=True)
         self._last: Instant | None = None
         self._epoch = 0
-        self._stopping = self._hurried = self._left = False
+        self._stopping = self._awaits_no_ticks = self._left = False
         self._pacer: LockstepPacer | None = None
 
     def start(self) -> None:
@@ -182,9 +184,9 @@ class LockstepLoop:
         while self._thread.is_alive():
             self._thread.join(0.1)
 
-    def hurry(self) -> None:
+    def stop_awaiting_ticks(self) -> None:
         """Wait for no further tick: the process was asked to end."""
-        self._hurried = True
+        self._awaits_no_ticks = True
         self._node.transport.wake()
 
     def _run(self) -> None:
@@ -200,9 +202,9 @@ class LockstepLoop:
                 self._spin()
                 if (instant := pacer.next()) is not None:
                     self._tick(pacer, instant)
-                elif self._hurried:
+                elif self._awaits_no_ticks:
                     self._turns.run(self._spin)
-                    time.sleep(_HURRY_S)
+                    time.sleep(_ENDING_POLL_S)
                 else:
                     self._node.transport.wait(pacer.raw)
         finally:
@@ -215,7 +217,7 @@ class LockstepLoop:
 
     def _done(self) -> bool:
         """Return whether the script has ended; its messages count once a tick has reported them."""
-        return self._left or (self._stopping and self._hurried)
+        return self._left or (self._stopping and self._awaits_no_ticks)
 
     def _tick(self, pacer: LockstepPacer, instant: Instant) -> None:
         last = self._last

@@ -12,13 +12,10 @@ from messages.requests import ROSPARAM_DELETE, ROSPARAM_GET, ROSPARAM_SET, Reque
 from messages.rosparam import RosparamDelete, RosparamGet, RosparamSet, RosparamTree, RosparamValue
 from messages.topics import ROSPARAM_TREE
 from services.runtime.errors import BadInput
+from services.runtime.parameters.client import AWAIT_S, DISCOVERY_S
 from services.runtime.parameters.tree import ParameterTree, checked_value, value_to_json
 from services.script.api import Input, Origin, ServiceRefused, ServiceUnavailable
 
-AWAIT_S = 10.0
-"""Wall time [s] that the first access waits for a parameter service that is expected."""
-SIGHT_S = 0.25
-"""Wall time [s] that it looks for one that is not expected, which may be invisible while links come up."""
 _PAUSE_S = 0.02
 _read_tree = decoder(RosparamTree)
 _read_value = decoder(RosparamValue)
@@ -84,7 +81,7 @@ class SharedParameters:
         """Set a value or, with a dict, a whole branch; raises BadInput for an invalid parameter."""
         checked = checked_value(key, value)
         if not key.strip("/") and not isinstance(checked, dict):
-            raise BadInput("/: the root of the tree takes a map of names to values alone")
+            raise BadInput("/: the root of the tree must be a map of names to values")
         self._write(key, checked, deletes=False)
 
     def delete(self, key: str) -> None:
@@ -122,7 +119,7 @@ class SharedParameters:
             if self._connected:
                 return
             self._writer = self._name() or "unnamed"
-            deadline = time.monotonic() + (AWAIT_S if self._expected else SIGHT_S)
+            deadline = time.monotonic() + (AWAIT_S if self._expected else DISCOVERY_S)
             while not (found := self._kernel.service_type(ROSPARAM_GET.name)) and time.monotonic() < deadline:
                 time.sleep(_PAUSE_S)
             if found:

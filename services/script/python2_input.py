@@ -67,9 +67,9 @@ def _use(node: ast.AST, name: str) -> str:
             return "number" if _is_product(left, name) or _is_product(right, name) else ""
         case ast.BinOp(left=left, right=right, op=ast.Mult() | ast.Add()):
             other = right if _is_product(left, name) else left if _is_product(right, name) else None
-            whole = isinstance(other, ast.Constant) and isinstance(other.value, int | str)
-            added = isinstance(node.op, ast.Add) and not (isinstance(other, ast.Constant) and not whole)
-            return "number" if other is not None and not whole and not added else ""
+            is_int_or_text = isinstance(other, ast.Constant) and isinstance(other.value, int | str)
+            added = isinstance(node.op, ast.Add) and not (isinstance(other, ast.Constant) and not is_int_or_text)
+            return "number" if other is not None and not is_int_or_text and not added else ""
         case ast.Compare(left=left, comparators=others, ops=operators):
             sides = [left, *others]
             if not any(_is(each, name) for each in sides):

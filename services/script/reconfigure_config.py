@@ -245,7 +245,7 @@ def config_modules(path: Path) -> dict[str, dict[str, Any]]:
     """
     generated = _execute(path)
     if not generated:
-        raise BadConfig(f"{path}: it describes no parameters: it never calls generate of its ParameterGenerator")
+        raise BadConfig(f"{path}: it describes no parameters: ParameterGenerator.generate() is never called")
     return {f"{each.name}Config": _module_names(path, each) for each in generated}
 
 
@@ -335,7 +335,7 @@ def _compile(path: Path) -> CodeType:
 def _read(path: Path) -> str:
     try:
         if path.stat().st_size > MAX_BYTES:
-            raise BadConfig(f"{path}: more than {MAX_BYTES} bytes, which is the most of a .cfg file")
+            raise BadConfig(f"{path}: it is larger than {MAX_BYTES} bytes, the limit for a .cfg file")
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise BadConfig(f"{path}: it cannot be read: {error.strerror or error}") from None
@@ -347,7 +347,7 @@ def _import(name: str, *args: Any, **more: Any) -> Any:
     if name in ("dynamic_reconfigure.parameter_generator_catkin", "dynamic_reconfigure.parameter_generator"):
         return _generator_package(name, bool(fromlist))
     if name == "dynamic_reconfigure" and any(each.startswith("parameter_generator") for each in fromlist):
-        return _generator_package(name, whole=False)
+        return _generator_package(name, submodule=False)
     if name == "driver_base.msg" and fromlist:
         return _module(name, {"SensorLevels": SensorLevels})
     try:
@@ -358,9 +358,9 @@ def _import(name: str, *args: Any, **more: Any) -> Any:
         raise
 
 
-def _generator_package(name: str, whole: bool) -> ModuleType:
+def _generator_package(name: str, submodule: bool) -> ModuleType:
     generator = _module(name, GENERATOR_NAMES | {"__all__": list(GENERATOR_NAMES)})
-    if whole:
+    if submodule:
         return generator
     return _module("dynamic_reconfigure", {"parameter_generator_catkin": generator, "parameter_generator": generator})
 
@@ -383,7 +383,7 @@ def _where(path: Path, error: BaseException) -> str:
 
 def _reason(error: Exception) -> str:
     if isinstance(error, ModuleNotFoundError):
-        return f"it imports {error.name}, which is not here: is it in a package of the workspace?"
+        return f"it imports {error.name}, which was not found: is its package in the workspace?"
     return f"{type(error).__name__}: {error}"
 
 
@@ -399,4 +399,4 @@ def _bound(name: str, paramtype: str, field: str, value: Any, otherwise: Mapping
 
 def _check_quotes(text: str) -> None:
     if '"' in text or "'" in text:
-        raise ValueError(f"the description {text!r} has quotes, which are not allowed in it")
+        raise ValueError(f"the description {text!r} contains quotes, which are not allowed")

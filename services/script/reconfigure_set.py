@@ -79,7 +79,7 @@ class ReconfigureSet:
         self._parameters = {each["name"]: _parameter(each) for each in extract_params(description)}
         self._lock: Any = kernel.lock()
         self._fleet: dict[str, Any] = {}
-        self._wanted: dict[str, Any] = {}
+        self._script_values: dict[str, Any] = {}
         """The script's values, in the set's form."""
         self._known: dict[str, Any] = {}
         """The values of the set, as last received or pushed."""
@@ -116,8 +116,8 @@ class ReconfigureSet:
     def push(self, config: Mapping[str, Any]) -> None:
         """Push the values of a configuration to the set."""
         with self._lock:
-            self._wanted = self._to_set(config)
-            news = {name: value for name, value in self._wanted.items() if self._known.get(name) != value}
+            self._script_values = self._to_set(config)
+            news = {name: value for name, value in self._script_values.items() if self._known.get(name) != value}
             if not news or not self._known:
                 return
             asked = SetParameters(set=self.name, values=_assignments(news), clamp=True, run=True, who=self._node)
@@ -125,7 +125,7 @@ class ReconfigureSet:
                 payload = self._kernel.call(PARAMS_SET.name, SetParameters.ROS_TYPE, encode(asked))
                 answer = _read_values(payload)
             except (ServiceUnavailable, ServiceRefused, WrongPayload) as error:
-                self._warn(f"the set {self.name} does not show a change: {error}")
+                self._warn(f"a change was not passed on to the parameter set {self.name}: {error}")
                 return
             self._own_revisions.add(answer.revision)
             self._known.update(news)
@@ -142,7 +142,7 @@ class ReconfigureSet:
         try:
             answer = _read_values(self._kernel.call(PARAMS_ANNOUNCE.name, Announcement.ROS_TYPE, encode(asked)))
         except (ServiceUnavailable, ServiceRefused, WrongPayload) as error:
-            self._warn(f"the parameters are not in the set {self.name}: {error}")
+            self._warn(f"the parameter set {self.name} could not be announced: {error}")
             return {}
         self._known = self._values(answer)
         self._published, self._run = dict(self._known), _run_names(answer)
@@ -190,7 +190,7 @@ class ReconfigureSet:
             return {name: value for name, value in self._known.items() if name in self._run}
         launched = self._to_set(self._fleet)
         stated = {name: launched.get(name, each.described.default) for name, each in self._parameters.items()}
-        return {name: value for name, value in self._wanted.items() if stated[name] != value}
+        return {name: value for name, value in self._script_values.items() if stated[name] != value}
 
     def _values(self, news: ParameterValues) -> dict[str, Any]:
         return {each.name: each.value for each in news.values if each.name in self._parameters}

@@ -17,20 +17,20 @@ def rigid(translation: Sequence[float], rotation: Sequence[float]) -> Pose3:
     return Pose3((a, b, c), turn)
 
 
-def moved(transform: Pose3, point: Sequence[float]) -> Vector:
+def transform_point(transform: Pose3, point: Sequence[float]) -> Vector:
     """Return a point of the inner frame in the outer one."""
-    x, y, z = turned(transform, point)
+    x, y, z = transform_vector(transform, point)
     a, b, c = transform.position
     return x + a, y + b, z + c
 
 
-def turned(transform: Pose3, vector: Sequence[float]) -> Vector:
+def transform_vector(transform: Pose3, vector: Sequence[float]) -> Vector:
     """Return a free vector of the inner frame in the axes of the outer one."""
     x, y, z = vector
     return rotate(transform.orientation, (x, y, z))
 
 
-def as_matrices_give(rotation: Rotation) -> Rotation:
+def quaternion_as_from_matrix(rotation: Rotation) -> Rotation:
     """Return the one of a rotation's two quaternions that a conversion from its matrix yields.
 
     As in ROS 1: the scalar part is positive if it exceeds 1/2, otherwise the largest of the others is.

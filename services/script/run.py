@@ -23,7 +23,7 @@ from messages.names import Identity
 from services.runtime.errors import BadInput
 from services.runtime.process import CLOSE_S, ROOT, exit_now, exit_within
 from services.runtime.transport.api import Transport
-from services.runtime.transport.unix_sockets import is_listening
+from services.runtime.transport.unix_sockets import check_reachable
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration, default_router, endpoint
 from services.script.api import ScriptStopped, set_kernel
@@ -52,7 +52,7 @@ HOOKS_S = 5.0
 """Wall time [s] for the shutdown hooks after a signal; their waits are then ended."""
 STILL_S = 1.5
 """Wall time [s] without a change of time after which hooks stop waiting for it: the simulation may have ended first."""
-_LATE_LOOKS = 4
+_LATE_CHECKS = 4
 """Checks or waits after which a script that was asked to end is assumed to continue its loop."""
 _INTERRUPTS = 3
 _NO_FLEET = (
@@ -182,14 +182,14 @@ def _transport(options: dict[str, Any]) -> Transport:
     role: Role = "star" if options["topology"] == "star" else "direct"
     endpoints = options["connect"] or (default_router(),)
     tree = configuration(role, endpoints, domain=options["domain"], reliable=options["lockstep"])
-    _warn_alone(endpoints[0], options["wall_time"])
+    _warn_without_router(endpoints[0], options["wall_time"])
     return ZenohTransport(tree)
 
 
-def _warn_alone(router: str, wall_time: bool) -> None:
+def _warn_without_router(router: str, wall_time: bool) -> None:
     """Warn that there is no router through which to meet other nodes; it is joined once it appears."""
     try:
-        is_listening(endpoint(router), 0.2)
+        check_reachable(endpoint(router), 0.2)
     except OSError as error:
         what = "other scripts are found once roscore or a fleet runs" if wall_time else _NO_FLEET
         sys.stderr.write(f"no router at {router} ({error.strerror or error}): {what}\n")
@@ -274,11 +274,11 @@ class ScriptRun:
     def _end(self, reason: str) -> None:
         """Ask the script to end, and enforce it."""
         self.asked = True
-        threading.Thread(target=self._insist, name="end", daemon=True).start()
+        threading.Thread(target=self._enforce_end, name="end", daemon=True).start()
         self._kernel.shut_down(reason)
-        self._kernel.hurry()
+        self._kernel.stop_awaiting_ticks()
 
-    def _insist(self) -> None:
+    def _enforce_end(self) -> None:
         """Interrupt a main thread that does not notice the request to end; end without it if necessary."""
         deadline, seen, since = time.monotonic() + HOOKS_S, -1, time.monotonic()
         while not self._kernel.hooks_done and (now := time.monotonic()) < min(deadline, since + STILL_S):
@@ -288,7 +288,7 @@ class ScriptRun:
         self._kernel.end_waits()
         time.sleep(NOTICE_S)
         deadline = time.monotonic() + LEAVE_S
-        while self._kernel.noticed and self._kernel.late_looks < _LATE_LOOKS and time.monotonic() < deadline:
+        while self._kernel.noticed and self._kernel.late_checks < _LATE_CHECKS and time.monotonic() < deadline:
             time.sleep(0.02)
         for _ in range(_INTERRUPTS):
             if self._over:

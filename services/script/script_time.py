@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any, Protocol
 
-BIRTH_NS = 1_577_836_800_000_000_000
+START_TIME_NS = 1_577_836_800_000_000_000
 """The value of ``time.time()`` at simulation time 0 in lockstep, since 1970 [ns]: 2020-01-01 00:00 UTC."""
 
 
@@ -31,7 +31,7 @@ class ScriptTime:
 
     def __init__(self, kernel: ScriptClockOwner, follows: Callable[[], bool], fixed: bool) -> None:
         self._kernel, self._follows = kernel, follows
-        self._start = BIRTH_NS if fixed else 0
+        self._start = START_TIME_NS if fixed else 0
         self._fixed = fixed
         self._offset: int | None = None
 
@@ -74,6 +74,9 @@ def time_module(clock: ScriptTime) -> ModuleType:
     def strftime(text: str, moment: Any = None) -> str:
         return real_time.strftime(text, real_time.localtime(clock.time_ns() / 1e9) if moment is None else moment)
 
+    def asctime(moment: Any = None) -> str:
+        return real_time.asctime(real_time.localtime(clock.time_ns() / 1e9) if moment is None else moment)
+
     made.__dict__.update(
         time=lambda: clock.time_ns() / 1e9,
         time_ns=clock.time_ns,
@@ -86,6 +89,7 @@ def time_module(clock: ScriptTime) -> ModuleType:
         localtime=on_now(real_time.localtime),
         gmtime=on_now(real_time.gmtime),
         ctime=on_now(real_time.ctime),
+        asctime=asctime,
         strftime=strftime,
     )
     return made

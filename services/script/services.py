@@ -7,8 +7,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from messages.base import WrongPayload, decoder, encode
+from messages.base import encode
 from messages.requests import Refusal
+from services.runtime.requests import refusal_reason
 from services.runtime.transport.api import TIMEOUT, QueryServer, Reply
 from services.runtime.transport.request_queue import Refusals
 from services.script.api import ServiceRefused, ServiceUnavailable
@@ -16,8 +17,6 @@ from services.script.threads import Threads, Worker
 
 FOREVER_S = 86400.0
 """Wall time [s] that a call without a timeout waits; in ROS it waits indefinitely."""
-
-_read_refusal = decoder(Refusal)
 
 
 class Owner(Protocol):
@@ -45,7 +44,8 @@ class ServiceServer:
         """Read the queries received, in the node's thread."""
         while self.queries is not None and (query := self.queries.recv()) is not None:
             if query.key != self.name[1:]:
-                query.refuse(encode(Refusal(reason=f"asked of {query.key[:80]!r}, not of {self.name} alone")))
+                reason = f"sent to {query.key[:80]!r}: a request names one service, here {self.name}, without wildcards"
+                query.refuse(encode(Refusal(reason=reason)))
                 continue
             self.put(query.payload, query.reply, query.refuse)
 
@@ -83,12 +83,4 @@ def read_answer(name: str, replies: Sequence[Reply]) -> bytes:
     if not answers:
         late = ": it did not answer in time" if replies else ""
         raise ServiceUnavailable(f"service [{name}] unavailable{late}")
-    raise ServiceRefused(read_reason(answers[0].payload))
-
-
-def read_reason(payload: bytes) -> str:
-    """Return the text of a refusal."""
-    try:
-        return _read_refusal(payload).reason
-    except WrongPayload:
-        return f"refused without a reason that can be read: {payload[:80]!r}"
+    raise ServiceRefused(refusal_reason(answers[0].payload))

@@ -150,10 +150,16 @@ class _Loops(ast.NodeTransformer):
 
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
         self.generic_visit(node)
-        if self._old and isinstance(node.op, ast.Div) and isinstance(node.target, ast.Name):
-            value = _divided(ast.Name(node.target.id, ast.Load()), node.value)
-            return ast.copy_location(ast.Assign([node.target], value), node)
-        return node
+        if not self._old or not isinstance(node.op, ast.Div):
+            return node
+        match target := node.target:
+            case ast.Name(name):
+                current: ast.expr = ast.Name(name, ast.Load())
+            case ast.Attribute(ast.Name(name), attribute):  # to read a name twice has no side effects
+                current = ast.Attribute(ast.Name(name, ast.Load()), attribute, ast.Load())
+            case _:
+                return node
+        return ast.copy_location(ast.Assign([target], _divided(current, node.value)), node)
 
 
 def divide(one: Any, two: Any) -> Any:

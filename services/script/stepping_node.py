@@ -14,7 +14,7 @@ from services.runtime.transport.api import TIMEOUT, Reply
 from services.script.api import Origin, ScriptStopped
 from services.script.clock import ScriptClock
 from services.script.lockstep_calls import LockstepCalls
-from services.script.lockstep_network import ENDS, SCRIPT, End, LockstepNetwork, encode_announcement
+from services.script.lockstep_network import ENDPOINTS, SCRIPT, Endpoint, LockstepNetwork, encode_announcement
 from services.script.network import Network
 from services.script.services import ServiceServer
 from services.script.topics import ForeignSubscriber, SubscriberFollower, TopicOutput, TopicReader
@@ -72,10 +72,10 @@ class SteppingNode:
         self.simulated, self.rate, self.spin = True, kernel.rate, kernel.spin
         self.calls = LockstepCalls(node, kernel.publish)
         self._kernel, self._node, self._network = kernel, node, network
-        self._ends = ForeignSubscriber(ENDS, node.transport)
-        node.attach(self._ends)
-        self._announcements = node.advertise(ENDS)
-        self._last: tuple[End, ...] | None = None
+        self._endpoints = ForeignSubscriber(ENDPOINTS, node.transport)
+        node.attach(self._endpoints)
+        self._announcements = node.advertise(ENDPOINTS)
+        self._last: tuple[Endpoint, ...] | None = None
         self._early: list[tuple[Publisher[Any], bytes]] = []
         self._own: list[tuple[Publisher[Any], bytes]] = []
         self._own_latched: dict[str, tuple[Publisher[Any], bytes]] = {}
@@ -114,9 +114,9 @@ class SteppingNode:
 
     def admit(self, reset: bool) -> None:
         """Pass the messages, calls and changes of this tick to their threads."""
-        for payload, _ in self._ends.messages:
+        for payload, _ in self._endpoints.messages:
             self._network.receive(payload)
-        self._ends.messages = []
+        self._endpoints.messages = []
         self._network.freeze()
         own, self._own = self._own, []
         for reader in self._kernel.readers.values():
@@ -138,7 +138,9 @@ class SteppingNode:
         self.send_early()
 
     def idle_until(self) -> int:
-        """Return the time [ns] before which nothing is due unless a message arrives; 0 if there may be at any tick."""
+        """Return the time [ns] before which nothing is due unless a message arrives; 0 if something may be due at any
+        tick.
+        """
         new = any(each not in self._readers for each in self._kernel.readers.values())
         if new or self._own or self._early or self._kernel.followers:
             return 0
@@ -149,10 +151,10 @@ class SteppingNode:
         they have changed.
         """
         kernel = self._kernel
-        ends = [End("pub", each.name, each.ros_type, each.latched) for each in kernel.outputs]
-        ends += [End("sub", each.name, each.ros_type or "*") for each in kernel.readers.values()]
-        ends += [End("srv", each.name, each.ros_type) for each in kernel.servers]
-        announced = () if final else tuple(dict.fromkeys([*ends, End("node", self._node.identity.node, SCRIPT)]))
+        ends = [Endpoint("pub", each.name, each.ros_type, each.latched) for each in kernel.outputs]
+        ends += [Endpoint("sub", each.name, each.ros_type or "*") for each in kernel.readers.values()]
+        ends += [Endpoint("srv", each.name, each.ros_type) for each in kernel.servers]
+        announced = () if final else tuple(dict.fromkeys([*ends, Endpoint("node", self._node.identity.node, SCRIPT)]))
         if announced != self._last:
             self._last = announced
             self._announcements.publish_encoded(

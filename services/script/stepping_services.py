@@ -20,7 +20,7 @@ from services.runtime.context import Context
 from services.runtime.errors import EleaError
 from services.runtime.requests import DeferredReply
 from services.script.lockstep_calls import CallReply, call_topic, read_request
-from services.script.lockstep_network import ENDS, End, encode_announcement
+from services.script.lockstep_network import ENDPOINTS, Endpoint, encode_announcement
 from services.script.topics import ForeignSubscriber
 
 Q = TypeVar("Q", bound=Message)
@@ -35,16 +35,16 @@ class SteppingServices:
 
     def __init__(self, ctx: Context[Any]) -> None:
         self._ctx, self._node = ctx, ctx.node
-        self._served: dict[str, tuple[str, ForeignSubscriber, Callable[[bytes], bytes]]] = {}
+        self._served: dict[str, tuple[str, ForeignSubscriber | None, Callable[[bytes], bytes]]] = {}
         self._hidden: set[str] = set()
         """Services that are currently hidden: those of a removed turtle."""
-        self._announced: tuple[End, ...] | None = None
+        self._announced: tuple[Endpoint, ...] | None = None
         self._held: deque[tuple[float, Callable[[], None]]] = deque()
         """In real time, the arrival times [s] of waiting requests, and the functions that answer them."""
 
     def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str) -> None:
-        """Serve a request under a name; ``handler`` raises BadInput to refuse it. A request ended before is served
-        again.
+        """Serve a request under a name; ``handler`` raises BadInput to refuse it. A hidden one becomes
+        visible again.
         """
         absolute = self._node.identity.resolve(name)
         self._hidden.discard(absolute)
@@ -56,13 +56,15 @@ class SteppingServices:
         else:
             self._node.serve(request, lambda asked: self._hold(handler, asked), name)
         read = decoder(request.request_type)
-        requests = ForeignSubscriber(call_topic(absolute, "request"), self._node.transport)
+        requests = (
+            ForeignSubscriber(call_topic(absolute, "request"), self._node.transport) if self._ctx.lockstep else None
+        )
         self._served[absolute] = request.request_type.ROS_TYPE, requests, lambda payload: encode(handler(read(payload)))
-        if self._ctx.lockstep:
+        if requests is not None:
             self._node.attach(requests)
             self._node.advertise(call_topic(absolute, "reply"))
 
-    def end(self, request: Request[Q, R], name: str) -> None:
+    def hide(self, request: Request[Q, R], name: str) -> None:
         """Hide a request; the handler refuses those that still arrive."""
         absolute = self._node.identity.resolve(name)
         self._hidden.add(absolute)
@@ -75,6 +77,8 @@ class SteppingServices:
                 self._held.popleft()[1]()
             return
         for name, (_, requests, answer) in list(self._served.items()):
+            if requests is None:
+                continue
             for payload, _ in requests.messages:
                 self._answer(name, requests, answer, payload)
         self._announce()
@@ -104,12 +108,12 @@ class SteppingServices:
     def _announce(self) -> None:
         """Announce this node's publications, subscriptions and services to the scripts, if they have changed."""
         node = self._node
-        ends = [End("pub", each.name, each.topic.record.ROS_TYPE) for each in node.publishers]
-        ends += [End("sub", each.name, each.topic.record.ROS_TYPE) for each in node.subscribers]
-        ends += [End("srv", name, kind) for name, (kind, *_) in self._served.items() if name not in self._hidden]
+        ends = [Endpoint("pub", each.name, each.topic.record.ROS_TYPE) for each in node.publishers]
+        ends += [Endpoint("sub", each.name, each.topic.record.ROS_TYPE) for each in node.subscribers]
+        ends += [Endpoint("srv", name, kind) for name, (kind, *_) in self._served.items() if name not in self._hidden]
         announced = tuple(each for each in ends if "/_" not in each.name)
         if announced != self._announced:
             self._announced = announced
-            node.advertise(ENDS).publish_encoded(
+            node.advertise(ENDPOINTS).publish_encoded(
                 encode_announcement(node.identity.node, node.transport.session, announced)
             )

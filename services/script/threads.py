@@ -22,7 +22,7 @@ MOST_PUBLISHED = 2000.0
 """Maximum rate [Hz] at which a loop without waits publishes in real time: above that of any robot's loop, and one at
 which a busy subscriber loses nothing.
 """
-_LEAST_NAP_S, _LONGEST_NAP_S = 0.0005, 0.02
+_MIN_PAUSE_S, _MAX_PAUSE_S = 0.0005, 0.02
 _LONGEST_WAIT_S = 0.1
 """Wall time [s] after which a sleeping thread checks the time again without a notification."""
 
@@ -153,9 +153,9 @@ class FreeThreads:
         if spent.points < LOOKS:
             return
         now = time.thread_time()
-        nap = max((now - spent.began) * (1.0 / SHARE - 1.0), spent.published / MOST_PUBLISHED)
+        pause = max((now - spent.began) * (1.0 / SHARE - 1.0), spent.published / MOST_PUBLISHED)
         spent.points, spent.published = 0.0, 0
-        time.sleep(min(max(nap, _LEAST_NAP_S), _LONGEST_NAP_S))
+        time.sleep(min(max(pause, _MIN_PAUSE_S), _MAX_PAUSE_S))
         spent.began = now
 
     def rest(self, seconds: float) -> None:

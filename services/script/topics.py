@@ -5,11 +5,9 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from functools import cache
-from types import new_class
 from typing import Any, Protocol
 
-from messages.base import Message
+from messages.records import unknown_record
 from messages.topics import TOPICS, Quality, Topic
 from services.runtime.log import Log
 from services.runtime.node import Node
@@ -30,13 +28,6 @@ ANY_TYPE = "-"
 """The type in the token of a subscription to every type."""
 
 
-@cache
-def record_of(ros_type: str) -> type[Message]:
-    """Return a record that stands for a type known only by name; its messages are never decoded here."""
-    fields = {"ROS_TYPE": ros_type, "__doc__": f"A message of the type {ros_type}.", "__module__": __name__}
-    return new_class("ForeignMessage", (Message,), {"frozen": True, "kw_only": True}, lambda body: body.update(fields))
-
-
 def known_topic(name: str) -> Topic[Any] | None:
     """Return this project's topic with an absolute name, in any namespace."""
     for topic in TOPICS:
@@ -50,7 +41,7 @@ def topic_of(name: str, ros_type: str, latched: bool = False) -> Topic[Any]:
     quality, known = Quality.LATCHED if latched else Quality.EVENT, known_topic(name)
     if known is not None and ros_type == known.record.ROS_TYPE and not (latched and known.quality is Quality.SENSOR):
         quality = known.quality
-    return Topic(name, record_of(ANY_TYPE if ros_type in ("", "*") else ros_type), 0, quality, "", LARGEST_MESSAGE)
+    return Topic(name, unknown_record(ANY_TYPE if ros_type in ("", "*") else ros_type), 0, quality, "", LARGEST_MESSAGE)
 
 
 class Sources(Protocol):
@@ -105,7 +96,7 @@ class TopicOutput:
         """Return the subscribing nodes; none while no path to any of them is known, as while two nodes are being
         linked.
         """
-        return self._bus.ends("sub", self.name) if self.linked else []
+        return self._bus.endpoint_nodes("sub", self.name) if self.linked else []
 
     @property
     def linked(self) -> bool:
@@ -126,7 +117,7 @@ class Bus(Protocol):
         """Publish a payload."""
         ...
 
-    def ends(self, kind: str, name: str) -> list[str]:
+    def endpoint_nodes(self, kind: str, name: str) -> list[str]:
         """Return the nodes with an endpoint of this kind."""
         ...
 
@@ -153,7 +144,7 @@ class TopicInput:
         self._bus = bus
 
     def publishers(self) -> list[str]:
-        return self._bus.ends("pub", self.name)
+        return self._bus.endpoint_nodes("pub", self.name)
 
     def close(self) -> None:
         self._bus.close_input(self)

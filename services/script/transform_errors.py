@@ -12,26 +12,28 @@ MOST_OF_ONE_SAMPLE = 115
 """Maximum length of tf2's sentence about a frame with one sample."""
 
 
-class Refusal(NamedTuple):
+class TransformFailure(NamedTuple):
     """An error of tf2: its exception class, and the text."""
 
     kind: Literal["lookup", "connectivity", "extrapolation"]
     text: str
 
 
-def explain(buffer: TransformBuffer, error: NoTransform, target: str, source: str, time: int | None) -> Refusal:
+def explain(
+    buffer: TransformBuffer, error: NoTransform, target: str, source: str, time: int | None
+) -> TransformFailure:
     """Return tf2's error where ``buffer.lookup(target, source, time)`` raised ``error``; both frames are known.
 
     tf2 climbs from the source to the root, then from the target until it meets that path, and reports the first frame
     without data; one on the source's side only matters if the two paths do not meet.
     """
     if isinstance(error, FrameLoop):
-        return Refusal("lookup", f"The tf tree is invalid because it contains a loop.\n{described(buffer)}\n")
+        return TransformFailure("lookup", f"The tf tree is invalid because it contains a loop.\n{described(buffer)}\n")
     if time is None:
         above, below = _line(buffer, target), _line(buffer, source)
         spans = [span for frame in _between(above, below) if (span := buffer.span(frame)) is not None]
         if above[-1] != below[-1] or not spans:
-            return Refusal("connectivity", unconnected(target, source))
+            return TransformFailure("connectivity", unconnected(target, source))
         time = min(newest for _, newest in spans)
     top, reason = source, ""
     while not (reason := _outside(buffer, top, time)) and (parent := buffer.parent(top, time)) is not None:
@@ -41,8 +43,10 @@ def explain(buffer: TransformBuffer, error: NoTransform, target: str, source: st
         reason = _outside(buffer, frame, time) or reason
         frame = None if _outside(buffer, frame, time) else buffer.parent(frame, time)
     if not reason:
-        return Refusal("connectivity", unconnected(target, source))
-    return Refusal("extrapolation", f"{reason}, when looking up transform from frame [{source}] to frame [{target}]")
+        return TransformFailure("connectivity", unconnected(target, source))
+    return TransformFailure(
+        "extrapolation", f"{reason}, when looking up transform from frame [{source}] to frame [{target}]"
+    )
 
 
 def unconnected(target: str, source: str) -> str:

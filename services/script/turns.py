@@ -81,7 +81,7 @@ class TurnThreads:
         self._threads: list[_Thread] = []
         self._returned = threading.Lock()
         self._returned.acquire()
-        self._stopped = self._strangers = False
+        self._stopped = self._unknown_thread_noted = False
         self._passes = 0
         self.main = self._add("main")
         self.main.ident = threading.get_ident()
@@ -224,7 +224,7 @@ class TurnThreads:
             self._passes += 1
             ran = False
             for phase in (self._workers, self._sleepers, self._others):
-                for each in phase(first):
+                for each in phase():
                     if each.passed != self._passes and each.waits and self._is_due(each.waits[-1], each, first):
                         each.passed = self._passes
                         self._give(each, meanwhile)
@@ -234,8 +234,8 @@ class TurnThreads:
                 return
 
     def idle_until(self) -> int:
-        """Return the time [ns] before which no thread takes a turn unless a message arrives; 0 if
-        one may at any tick.
+        """Return the time [ns] before which no thread takes a turn unless a message arrives; 0 if one may take its
+        turn at any tick.
         """
         until = NEVER_NS
         for each in self._threads:
@@ -256,18 +256,18 @@ class TurnThreads:
             if (now := time.monotonic()) - named > SLOW_S and (holder := self._holder) is not None:
                 named = now
                 self._warn(
-                    f"{holder.name} computes, or waits for something outside, since {now - began:.0f} s; "
+                    f"{holder.name} has been computing, or waiting for something external, for {now - began:.0f} s; "
                     f"the simulation waits for it: {place_of(holder.ident)}"
                 )
 
-    def _workers(self, first: bool) -> list[_Thread]:
+    def _workers(self) -> list[_Thread]:
         return [each for each in self._threads if each.waits and each.waits[-1].kind == "idle"]
 
-    def _sleepers(self, first: bool) -> list[_Thread]:
+    def _sleepers(self) -> list[_Thread]:
         found = [each for each in self._threads if each.waits and each.waits[-1].kind == "sleep"]
         return sorted(found, key=lambda each: (each.waits[-1].until or 0, each.waits[-1].number))
 
-    def _others(self, first: bool) -> list[_Thread]:
+    def _others(self) -> list[_Thread]:
         return [each for each in self._threads if each.waits and each.waits[-1].kind not in ("idle", "sleep")]
 
     def _is_due(self, wait: _Wait, thread: _Thread, first: bool) -> bool:
@@ -335,9 +335,10 @@ class TurnThreads:
         return made
 
     def _note_unknown_thread(self) -> None:
-        if not self._strangers:
-            self._strangers = True
-            self._warn(f"{threading.current_thread().name} takes no turns, so this run need not repeat")
+        if not self._unknown_thread_noted:
+            self._unknown_thread_noted = True
+            name = threading.current_thread().name
+            self._warn(f"the thread {name} does not take turns, so this run may not be repeatable")
 
     def _is_node(self) -> bool:
         return getattr(self._local, "node", False)

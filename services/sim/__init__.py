@@ -17,7 +17,7 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
     world: str = param("empty", text="World: a name from models/worlds, or the path of a world's file.", live=False)
     robots: tuple[RobotEntry, ...] = param((), text="Robots to spawn at the start.")
     engine: Literal["", "pybullet", "mujoco"] = param(
-        "", text="Physics engine; PyBullet where it is installed, if empty.", live=False
+        "", text="Physics engine; if empty, PyBullet where it is installed, else MuJoCo.", live=False
     )
     mode: Literal["lockstep", "real"] = param(
         "real", text="How time runs: in lockstep with the members, or by the wall clock.", live=False
@@ -30,7 +30,7 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
         0,
         1,
         "",
-        "Delay of a command in lockstep, in ticks of its sender; 1 overlaps control and physics.",
+        "Delay of commands in lockstep, in ticks of the sender; with 1, control and physics run in parallel.",
         live=False,
     )
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="Random seed of the sensor noise.", extra=_FIXED)] = 0
@@ -42,12 +42,12 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
     )
     model_folders: tuple[str, ...] = param(
         (),
-        text="Folders from which spawn requests may take robots; relative paths count from the first.",
+        text="Folders from which spawn requests may load robots; relative paths start in the first.",
         live=False,
     )
-    awaits: tuple[str, ...] = param((), text="Further nodes to wait for before time starts.", live=False)
+    awaits: tuple[str, ...] = param((), text="Nodes to wait for before time starts, besides the members.", live=False)
     requires: tuple[str, ...] = param(
-        (), text="The awaited nodes without which time does not start at all.", live=False
+        (), text="Those of the awaited nodes without which time never starts.", live=False
     )
     start_timeout: Annotated[
         float,

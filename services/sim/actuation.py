@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 from messages.elea import BaseStatus
-from messages.geometry import TwistStamped
 from messages.names import join
 from messages.se3 import Pose3
 from messages.simulation import DriveSettings
-from messages.topics import BASE_STATUS, CMD_VEL, CMD_VEL_OUT, JOINT_EFFORT, Topic
+from messages.topics import BASE_STATUS, CMD_VEL, CMD_VEL_OUT, CMD_VEL_STAMPED, JOINT_COMMAND, JOINT_EFFORT, Topic
 from models import display_name, physics_urdf_path
 from models.model import RobotModel
 from models.urdf import read_joint_limits
@@ -34,9 +33,6 @@ from services.sim.physics.world import Body, BodyHandle, JointFriction, JointRea
 from services.sim.robot_names import robot_namespace
 from services.sim.robot_parameters import BaseParameterSet, JointParameterSet
 from services.sim.transit_delay import TransitDelayEstimator
-
-CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, CMD_VEL.quality, "velocity command with its time")
-"""The command topic of a base with ``use_stamped_vel``, instead of ``CMD_VEL``."""
 
 
 class Actuation(Protocol):
@@ -92,7 +88,7 @@ class Actuation(Protocol):
         ...
 
     def effort_controller(self, joint: str) -> JointEffortController:
-        """Return the effort controller of ``joint``; raises BadInput for a wheel."""
+        """Return the effort controller of ``joint``; raises BadInput for a robot with a base."""
         ...
 
     def job_count(self, joint: str) -> int:
@@ -100,7 +96,8 @@ class Actuation(Protocol):
         ...
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
-        """Set joint positions [rad or m]; raises BadInput for wheels, an overlap, or a position beyond a limit."""
+        """Set joint positions [rad or m]; raises BadInput for a robot with a base, an overlap, or a position beyond a
+        limit."""
         ...
 
     def set_drive(self, request: DriveSettings, now: int) -> DriveSettings:
@@ -208,14 +205,16 @@ class BaseActuation:
         self._side_grip = side_grip
         steering = parameters.config.drive.steering
         self._servo = None if steering is None else SteeringServo(body, steering)
-        self._wheel_targets: tuple[float, ...] = parameters.config.of_wheels((0.0, 0.0))
+        self._wheel_targets: tuple[float, ...] = parameters.config.per_wheel((0.0, 0.0))
         self.controller = DiffDriveController(parameters.config, command_sources, delays, node.log)
         self.noise = parameters.parameters.noise
         config = odometry_config(model, parameters.parameters)
         self.odometer = Odometer(config, body, entry.name, self.controller, seed)
         if config.source == "encoder" and self.odometer.error != NO_ERROR:
             error = self.odometer.error.describe()
-            node.log.info(f"{entry.name}: odometry takes the wheels for other ones by the seed {seed}: {error}")
+            node.log.info(
+                f"{entry.name}: wheel odometry assumes a wrong wheel geometry (drawn from seed {seed}): {error}"
+            )
         self._open_loop = config.source == "open loop"
         speed_driven = model.wheels is not None and parameters.config.gains is None
         self._only_speeds = speed_driven and side_grip is None and steering is None and not self._open_loop
@@ -257,14 +256,24 @@ class BaseActuation:
         return measured
 
     def effort_controller(self, joint: str) -> JointEffortController:
-        name, topic = self._entry.name, join(robot_namespace(self._entry), CMD_VEL.name)
-        raise BadInput(f"{name}::{joint} is a wheel, which its base drives: command {topic} instead")
+        name, namespace = self._entry.name, robot_namespace(self._entry)
+        if joint in self._body.motor_joints:
+            topic = join(namespace, CMD_VEL.name)
+            raise BadInput(f"{name}::{joint} is a wheel, which its base drives: command {topic} instead")
+        topic = join(namespace, JOINT_COMMAND.name)
+        raise BadInput(
+            f"{name}::{joint}: robots with a base accept no effort jobs: command the joint on {topic}, for example by "
+            "a controller_manager"
+        )
 
     def job_count(self, joint: str) -> int:
         return 0
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
-        raise BadInput(f"the joints of {self._entry.name} are its wheels, which odometry counts: use set_state")
+        raise BadInput(
+            f"the joints of {self._entry.name} cannot be set, as they include the wheels, which odometry counts: use "
+            "set_state"
+        )
 
     def set_drive(self, request: DriveSettings, now: int) -> DriveSettings:
         self._parameters.set_drive(request)
@@ -289,12 +298,12 @@ class BaseActuation:
             set_planar_velocity(self._body, *self.controller.planar_velocity)
         elif self._servo is not None:
             if speeds is not None:
-                self._wheel_targets = config.of_wheels(speeds)
+                self._wheel_targets = config.per_wheel(speeds)
             self._body.set_speeds((*self._wheel_targets, *self._servo.speeds(self.controller.steer)))
         elif config.gains is not None:
-            self._body.set_torques(config.of_wheels(self.controller.torques(self._wheel_speeds())))
+            self._body.set_torques(config.per_wheel(self.controller.torques(self._wheel_speeds())))
         elif speeds is not None:
-            self._body.set_speeds(config.of_wheels(speeds))
+            self._body.set_speeds(config.per_wheel(speeds))
         if self._side_grip is not None:
             self._side_grip.step()
         if self._open_loop:
@@ -304,19 +313,16 @@ class BaseActuation:
         self.controller.reset()
         if self._model.wheels is not None:
             config = self.controller.config
-            self._wheel_targets = config.of_wheels((0.0, 0.0))
+            self._wheel_targets = config.per_wheel((0.0, 0.0))
             self._body.set_speeds((*self._wheel_targets, *[0.0] * (len(config.motors) - len(self._wheel_targets))))
 
     def reconfigure(self, now: int) -> None:
         if not self._parameters.update():
             return
-        rate = self.odometry_rate
         self.controller.reconfigure(self._parameters.config, now)
         parameters = self._parameters.parameters
         self.noise = parameters.noise
         self.odometer.reconfigure(odometry_config(self._model, parameters))
-        if self.odometry_rate != rate:
-            self.odometer.reset_phase()
 
     def status(
         self, now: int, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...]
@@ -329,7 +335,7 @@ class BaseActuation:
     def _wheel_speeds(self) -> tuple[float, float]:
         """Return the mean turn rates of the left and the right wheels, rad/s."""
         speeds = dict(zip(self._body.joints, self._body.joint_readings().velocity, strict=True))
-        return self.controller.config.of_sides(speeds)
+        return self.controller.config.side_means(speeds)
 
 
 class JointActuation:

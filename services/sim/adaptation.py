@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from messages.se3 import Pose3
-from models.robot_cache import is_made
+from models.robot_cache import is_imported
 from models.robot_facts import Skid, read_facts
 from services.sim.drive.side_grip import SideGrip
 from services.sim.physics.world import Body, BodyHandle
@@ -28,14 +28,14 @@ def adapt_body(body: Body, model: str) -> AdaptedBody:
 
     The models of this project stay unchanged.
     """
-    if not is_made(model):
+    if not is_imported(model):
         return AdaptedBody(body)
     facts = read_facts(model)
-    (x, y, z), turn = body.pose
+    (x, y, z), orientation = body.pose
     skid = facts.skid
     adapted = replace(
         body,
-        pose=Pose3((x, y, max(z, facts.height)), turn),
+        pose=Pose3((x, y, max(z, facts.height)), orientation),
         initial_positions=tuple({**facts.starts, **dict(body.initial_positions)}.items()),
         slides=() if skid is None else tuple(skid.axles.items()),
     )

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from messages.se2 import Pose2
 from messages.se3 import rotate_inverse
-from services.runtime.step import STEP_NS
+from services.runtime.step import STEP_S
 from services.sim.drive.driver import AT_REST, Drive, DriveState, commanded_velocity, step_drive, wheel_speeds
 from services.sim.drive.odometry import OdometryState, initial_odometry, integrate_arc, integrate_encoders
 from services.sim.drive.planar_velocity import set_planar_velocity
@@ -21,8 +21,6 @@ from services.sim.drive.side_grip import SideGrip
 from services.sim.drive.steering import SteeringServo
 from services.sim.physics.world import BodyState, World
 
-DT = STEP_NS / 1e9
-"""Time step, s."""
 SETTLE_S = 1.0
 """Time in which a robot comes to rest before and after a manoeuvre, s."""
 SLOWEST = 60.0
@@ -50,7 +48,7 @@ def turned(states: Sequence[BodyState]) -> float:
 class DrivenRobot:
     """A base under constant commands.
 
-    ``of_wheels`` converts the speeds of the left and right side to those of its motors; ``side_grip`` is set for a
+    ``per_wheel`` converts the speeds of the left and right side to those of its motors; ``side_grip`` is set for a
     skid-steered base, ``servo`` for one with steered wheels.
     """
 
@@ -58,23 +56,23 @@ class DrivenRobot:
     name: str
     drive: Drive
     state: DriveState = field(default=AT_REST)
-    of_wheels: Callable[[tuple[float, float]], Sequence[float]] = tuple
+    per_wheel: Callable[[tuple[float, float]], Sequence[float]] = tuple
     side_grip: SideGrip | None = None
     servo: SteeringServo | None = None
 
     def set(self, v: float, w: float, *, vy: float = 0.0, braking: bool = False) -> None:
         """Apply a command for the next physics step."""
-        after = step_drive(self.drive, self.state, v, w, braking, DT, vy)
+        after = step_drive(self.drive, self.state, v, w, braking, STEP_S, vy)
         if self.drive.holonomic:
             self.state = after
             set_planar_velocity(self.world.body(self.name), after.v, after.vy, after.w)
         elif self.servo is not None:
             self.state = after
-            wheels = self.of_wheels(wheel_speeds(self.drive, after))
+            wheels = self.per_wheel(wheel_speeds(self.drive, after))
             self.world.body(self.name).set_speeds((*wheels, *self.servo.speeds(after.steer)))
         elif after is not self.state:
             self.state = after
-            self.world.body(self.name).set_speeds(self.of_wheels(wheel_speeds(self.drive, after)))
+            self.world.body(self.name).set_speeds(self.per_wheel(wheel_speeds(self.drive, after)))
         if self.side_grip is not None:
             self.side_grip.step()
 
@@ -92,7 +90,7 @@ def drive_robots(
 ) -> list[BodyState]:
     """Apply a command to all robots for a time; return the states of the first one after each step."""
     states = []
-    for _ in range(round(seconds / DT)):
+    for _ in range(round(seconds / STEP_S)):
         for each in drivers:
             each.set(v, w, vy=vy, braking=braking)
         drivers[0].world.step()
@@ -156,21 +154,21 @@ def _manoeuvre(
     drive_robots([robot], 0.0, 0.0, SETTLE_S)
     states, counter = [body.state()], _Counter(robot, encoders)
     commanded = stopping = 0.0
-    going, led, stopping_of = True, Pose2(0.0, 0.0, 0.0), None
-    for _ in range(round(SLOWEST / DT)):
+    driving, commanded_pose, stopping_state = True, Pose2(0.0, 0.0, 0.0), None
+    for _ in range(round(SLOWEST / STEP_S)):
         before = robot.velocity[axis]
-        command = velocity if going else (0.0, 0.0, 0.0)
+        command = velocity if driving else (0.0, 0.0, 0.0)
         robot.set(command[0], command[2], vy=command[1])
         robot.world.step()
         states.append(body.state())
         counter.update()
         now = robot.velocity[axis]
-        commanded += now * DT
-        led = integrate_arc(*led, robot.velocity[0] * DT, robot.velocity[2] * DT)
-        if going:
-            if robot.state is not stopping_of:  # at a constant speed it stays the same
-                stopping, stopping_of = _way_to_stop(robot, axis), robot.state
-            going = commanded + stopping < amount
+        commanded += now * STEP_S
+        commanded_pose = integrate_arc(*commanded_pose, robot.velocity[0] * STEP_S, robot.velocity[2] * STEP_S)
+        if driving:
+            if robot.state is not stopping_state:  # at a constant speed it stays the same
+                stopping, stopping_state = _stopping_distance(robot, axis), robot.state
+            driving = commanded + stopping < amount
         elif not now and not before:
             break
     states += drive_robots([robot], 0.0, 0.0, SETTLE_S)
@@ -180,7 +178,7 @@ def _manoeuvre(
     ahead, left, _ = rotate_inverse(start.orientation, (dx, dy, dz))
     turn = turned(states)
     actual = (ahead, left, turn)[axis]
-    aside = math.hypot(ahead - led.x, left - led.y) if axis == 2 else abs((left, ahead)[axis])
+    aside = math.hypot(ahead - commanded_pose.x, left - commanded_pose.y) if axis == 2 else abs((left, ahead)[axis])
     upright = tilt_of(start)
     return Manoeuvre(
         commanded=commanded,
@@ -192,21 +190,21 @@ def _manoeuvre(
     )
 
 
-def _way_to_stop(robot: DrivenRobot, axis: int) -> float:
-    """Return how far the limited command continues if it is to stop from now on."""
-    state, way = robot.state, 0.0
-    for _ in range(round(SLOWEST / DT)):
-        after = step_drive(robot.drive, state, 0.0, 0.0, False, DT)
+def _stopping_distance(robot: DrivenRobot, axis: int) -> float:
+    """Return the distance [m or rad] that the limited command still covers if it stops from now on."""
+    state, distance = robot.state, 0.0
+    for _ in range(round(SLOWEST / STEP_S)):
+        after = step_drive(robot.drive, state, 0.0, 0.0, False, STEP_S)
         if after is state:
-            return way
+            return distance
         state = after
         if robot.drive.holonomic:
             velocity = (state.v, state.vy, state.w)
         else:
             v, w = commanded_velocity(robot.drive, state)
             velocity = (v, 0.0, w)
-        way += velocity[axis] * DT
-    return way
+        distance += velocity[axis] * STEP_S
+    return distance
 
 
 class _Counter:
@@ -218,7 +216,7 @@ class _Counter:
 
     def update(self) -> None:
         if self._state is not None:
-            self._state = integrate_encoders(self._state, *self._angles(), DT, self._robot.drive.geometry)
+            self._state = integrate_encoders(self._state, *self._angles(), STEP_S, self._robot.drive.geometry)
 
     def along(self, axis: int) -> float | None:
         """Return the counted motion: m ahead, or rad; None sideways or without encoders."""
@@ -259,13 +257,13 @@ def shake_joints(
     The speed is half a sine, with a maximum of pi/2 times the mean. In the meantime the motors, in the order of
     ``motors``, hold all other joints.
     """
-    body, found = world.body(name), []
+    body, trials = world.body(name), []
     rest = [0.0] * len(motors)
     for joint, move in moves.items():
         index = body.joints.index(joint)
         positions = [body.joint_readings().position[index]]
         for sign in (1.0, -1.0):
-            speeds, steps = list(rest), round(seconds / DT)
+            speeds, steps = list(rest), round(seconds / STEP_S)
             for step in range(steps):
                 share = math.pi / 2 * math.sin(math.pi * (step + 0.5) / steps)
                 speeds[motors.index(joint)] = sign * move / seconds * share
@@ -275,5 +273,5 @@ def shake_joints(
             world.step()
             positions.append(body.joint_readings().position[index])
         start, there, back = positions
-        found.append(JointTrial(joint, move, there - start, back - start))
-    return found
+        trials.append(JointTrial(joint, move, there - start, back - start))
+    return trials

@@ -92,7 +92,7 @@ class EmergencyStopStore:
             self._stops.setdefault(each.robot, {})[each.id] = each
         if stops:
             names = ", ".join(sorted({_robot_label(each.robot) for each in stops}))
-            self._log.warn(f"emergency stops from before the restart still hold: {names} (./elea sim stops)")
+            self._log.warn(f"emergency stops from before the restart are still active: {names} (./elea sim stops)")
 
     @property
     def all(self) -> tuple[EmergencyStop, ...]:
@@ -141,7 +141,7 @@ class EmergencyStopStore:
         held = self._stops.get(robot, {})
         if not held:
             stopped = ", ".join(sorted(map(_robot_label, self._stops))) or "none"
-            raise BadInput(f"no emergency stop of {_robot_label(robot)} to release (stops that hold: {stopped})")
+            raise BadInput(f"no emergency stop of {_robot_label(robot)} to release (active stops: {stopped})")
         chosen = [each for each in held.values() if holder in ("", each.holder, each.id)]
         if not chosen:
             raise unknown_name("holder", holder, [each.holder for each in held.values()], _robot_label(robot))
@@ -151,7 +151,7 @@ class EmergencyStopStore:
         self._log.warn(f"{_robot_label(robot)}: the emergency stop of {names} is released by request")
         left = ", ".join(self.holders(robot))
         return f"{_robot_label(robot)}: the stop of {names} is released" + (
-            f"; stopped still by {left}" if left else ""
+            f"; still stopped by {left}" if left else ""
         )
 
     def remove_robot(self, robot: str) -> None:
@@ -174,7 +174,9 @@ class EmergencyStopStore:
         if self._path is None:
             if self._stops and not self._warned_no_file:
                 self._warned_no_file = True
-                self._log.warn("emergency stops are in memory alone: a restart forgets them (--param stops_file=PATH)")
+                self._log.warn(
+                    "emergency stops are kept in memory only and are lost on a restart (set --param stops_file=PATH)"
+                )
         elif changed or (self._unsaved and self._monotonic() >= self._retry_at):
             self._write(self._path)
         return changed
@@ -198,7 +200,7 @@ class EmergencyStopStore:
             return
         self._remove(robot, holder)
         left = ", ".join(self.holders(robot))
-        still = f"; stopped still by {left}" if left else ""
+        still = f"; still stopped by {left}" if left else ""
         self._log.info(f"{_robot_label(robot)}: the emergency stop of {stop.holder} is reset{still}", every=0.1)
 
     def _remove(self, robot: str, holder: str) -> None:
@@ -226,8 +228,8 @@ class EmergencyStopStore:
         except OSError as error:
             self._unsaved, self._retry_at = True, self._monotonic() + RETRY_S
             self._log.error(
-                f"emergency stops cannot be written to {path} ({error.strerror}): they hold, but a simulation that is "
-                "restarted now may forget them; it is tried again every second. Is the disk full?",
+                f"emergency stops cannot be written to {path} ({error.strerror}): they stay active, but would be lost "
+                "if the simulation restarted now; retrying every second. Is the disk full?",
                 every=10.0,
             )
             return
@@ -242,14 +244,14 @@ class EmergencyStopStore:
             # Linked, not moved: if it were gone and no new file could be written, the next start would stop nobody.
             kept.hardlink_to(path)
             where = f"it is kept as {kept}"
-        except OSError as trouble:
-            where = f"no copy of it is kept: {trouble.strerror}"
+        except OSError as link_error:
+            where = f"it could not be copied: {link_error.strerror}"
         stop = EmergencyStop(topic=f"/{E_STOP.name}", holder=DAMAGED, id=DAMAGED_ID, since=self._wall())
         self._stops[ALL_ROBOTS] = {DAMAGED_ID: stop}
         self._changed = True
         self._log.error(
             f"the file of emergency stops {path} cannot be read ({error}), so all robots are stopped, as it may have "
-            f"held stops; {where}. ./elea sim release --all lets them move"
+            f"contained stops; {where}. Release them with ./elea sim release --all"
         )
 
 
@@ -269,7 +271,7 @@ def _read(path: Path) -> tuple[EmergencyStop, ...]:
         raise ValueError(f"it has more than {MAX_FILE_BYTES} bytes")
     found = msgspec.json.decode(content, type=_File)
     if found.seal != _checksum(found.stops):
-        raise ValueError("its seal does not fit its content")
+        raise ValueError("its checksum does not match its content")
     if any(not each.id or not each.topic for each in found.stops):
         raise ValueError("a stop has no holder or no topic")
     return found.stops

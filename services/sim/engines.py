@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Engine = Literal["pybullet", "mujoco"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
-PYBULLET_PACKAGES = "PyBullet has packages for Python 3.11 on x86_64 alone"
+PYBULLET_PACKAGES = "PyBullet has packages only for Python 3.11 on x86_64"
 
 
 @cache
@@ -34,9 +34,9 @@ def check_engine(engine: Engine, where: str) -> None:
     """Raise BadInput if an engine is not installed; ``where`` names the setting that asks for it."""
     if has_engine(engine):
         return
-    there = [each for each in ENGINES if has_engine(each)]
+    installed = [each for each in ENGINES if has_engine(each)]
     why = f" ({PYBULLET_PACKAGES})" if engine == "pybullet" else ""
-    instead = f"leave it out for {there[0]}" if there else "remove .venv and start ./elea again"
+    instead = f"omit the setting to use {installed[0]}" if installed else "remove .venv and run ./elea again"
     raise BadInput(f"{where}: the engine {engine} is not installed here{why}: {instead}")
 
 

@@ -63,12 +63,12 @@ def frame_state(world: World, name: str) -> BodyState:
 
 def relative_state(frame: BodyState, state: BodyState) -> BodyState:
     """Return a state in the axes of a frame; its velocities are differences, as in Gazebo."""
-    turn = frame.orientation
+    orientation = frame.orientation
     return BodyState(
-        rotate_inverse(turn, _difference(state.position, frame.position)),
-        quaternion_multiply(quaternion_conjugate(turn), state.orientation),
-        rotate_inverse(turn, _difference(state.linear, frame.linear)),
-        rotate_inverse(turn, _difference(state.angular, frame.angular)),
+        rotate_inverse(orientation, _difference(state.position, frame.position)),
+        quaternion_multiply(quaternion_conjugate(orientation), state.orientation),
+        rotate_inverse(orientation, _difference(state.linear, frame.linear)),
+        rotate_inverse(orientation, _difference(state.angular, frame.angular)),
     )
 
 

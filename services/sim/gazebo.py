@@ -54,7 +54,7 @@ from models.sdf_robot import is_sdf, model_name
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.node import Node
 from services.runtime.requests import DeferredReply
-from services.runtime.step import STEP_NS
+from services.runtime.step import STEP_S
 from services.sim.entities import WORLD_FRAMES, find_link, frame_state
 from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS
 from services.sim.services import JointServices, PropertyServices, SimulationServices, pose_from_msg
@@ -96,6 +96,21 @@ def _refusal(response: type[R], error: BaseException) -> R:
     return response(**fields)
 
 
+def _refusing(response: type[R], handler: Callable[[Q], R | DeferredReply[R]]) -> Callable[[Q], R | DeferredReply[R]]:
+    """Return the handler of a request that reports refusals in its response, if that has the fields."""
+    fields = {each.name for each in msgspec.structs.fields(response)}
+
+    def answer(request: Q) -> R | DeferredReply[R]:
+        try:
+            return handler(request)
+        except (EleaError, ValueError) as error:
+            if "success" not in fields:
+                raise
+            return _refusal(response, error)
+
+    return answer
+
+
 class GazeboServices:
     """Serves Gazebo's services, and carries out the commands on its topics."""
 
@@ -110,13 +125,13 @@ class GazeboServices:
     ) -> None:
         self._simulation, self._node, self._world = simulation, node, simulation.world
         self._models, self._joints, self._properties = models, joints, properties
-        self._serve_state(GET_MODEL_STATE, self._get_model_state, lambda asked: asked.model_name)
+        self._serve_state(GET_MODEL_STATE, self._get_model_state, lambda request: request.model_name)
         self._serve(SET_MODEL_STATE, self._set_model_state)
-        self._serve_state(GET_LINK_STATE, self._get_link_state, lambda asked: asked.link_name)
+        self._serve_state(GET_LINK_STATE, self._get_link_state, lambda request: request.link_name)
         self._serve(SET_LINK_STATE, self._set_link_state)
         self._serve(GET_MODEL_PROPERTIES, self._get_model_properties)
         self._serve(GET_WORLD_PROPERTIES, self._get_world_properties)
-        self._serve_state(GET_JOINT_PROPERTIES, self._get_joint_properties, lambda asked: asked.joint_name)
+        self._serve_state(GET_JOINT_PROPERTIES, self._get_joint_properties, lambda request: request.joint_name)
         self._serve(GET_LINK_PROPERTIES, self._get_link_properties)
         self._serve(APPLY_JOINT_EFFORT, self._apply_joint_effort)
         self._serve(CLEAR_JOINT_FORCES, self._clear_joint_forces)
@@ -134,24 +149,14 @@ class GazeboServices:
         node.serve(RESET_SIMULATION, lambda _: _without_result(time.reset(True)))
         self._model_commands = node.subscribe(SET_MODEL_STATE_TOPIC)
         self._link_commands = node.subscribe(SET_LINK_STATE_TOPIC)
-        simulation.commands.append(self.carry_out)
+        simulation.commands.append(self.apply_commands)
         self._pushed: set[str] = set()
         self._waiting: list[tuple[DeferredReply[Any], Callable[[], Any]]] = []
         simulation.after_step.append(self._answer_waiting)
 
     def _serve(self, request: Request[Q, R], handler: Callable[[Q], R | DeferredReply[R]]) -> None:
         """Serve a request; if its response has the fields, a refusal is reported in it instead of raised."""
-        fields = {each.name for each in msgspec.structs.fields(request.response_type)}
-
-        def answer(asked: Q) -> R | DeferredReply[R]:
-            try:
-                return handler(asked)
-            except (EleaError, ValueError) as error:
-                if "success" not in fields:
-                    raise
-                return _refusal(request.response_type, error)
-
-        self._node.serve(request, answer)
+        self._node.serve(request, _refusing(request.response_type, handler))
 
     def _serve_state(
         self, request: Request[Q, R], handler: Callable[[Q], R | DeferredReply[R]], model: Callable[[Q], str]
@@ -162,16 +167,17 @@ class GazeboServices:
         after the next step. Otherwise a loop that reads, pushes and reads again would see the same state several times;
         in Gazebo it does not, as a step there is shorter than a call.
         """
+        respond = _refusing(request.response_type, handler)
 
-        def answer(asked: Q) -> R | DeferredReply[R]:
-            pushed = self._pushed and self._simulation.steps_by_the_clock
-            if not pushed or self._model_of(model(asked)) not in self._pushed:
-                return handler(asked)
+        def answer(message: Q) -> R | DeferredReply[R]:
+            pushed = self._pushed and self._simulation.runs_by_wall_clock
+            if not pushed or self._model_of(model(message)) not in self._pushed:
+                return respond(message)
             reply: DeferredReply[R] = DeferredReply()
-            self._waiting.append((reply, lambda: handler(asked)))
+            self._waiting.append((reply, lambda: respond(message)))
             return reply
 
-        self._serve(request, answer)
+        self._node.serve(request, answer)
 
     def _answer_waiting(self) -> None:
         """Answer the deferred state requests, after a step."""
@@ -183,9 +189,12 @@ class GazeboServices:
 
     def _model_of(self, name: str) -> str:
         """Return the model that a joint or link belongs to, if its name is unambiguous; else an empty name."""
-        model, found, _ = name.rpartition("::")
-        if found or name in self._world.names:
-            return model or name
+        if name in self._world.names:
+            return name
+        for scope in ("::", "/"):
+            model, _, _ = name.rpartition(scope)
+            if model in self._world.names:
+                return model
         owners = [each for each in self._world.names if self._has(each, name)]
         return owners[0] if len(owners) == 1 else ""
 
@@ -193,7 +202,7 @@ class GazeboServices:
         body = self._world.body(model)
         return part in body.joints or part in body.links
 
-    def carry_out(self) -> None:
+    def apply_commands(self) -> None:
         """Carry out the commands received for this tick, the newest for each model and link."""
         models = {each.model_name: each for each, _ in self._model_commands.messages}
         links = {each.link_name: each for each, _ in self._link_commands.messages}
@@ -208,7 +217,7 @@ class GazeboServices:
         try:
             move(state)
         except (EleaError, ValueError) as error:
-            self._node.log.warn(f"a command to move a model is not carried out: {error}", every=LOG_PERIOD_S)
+            self._node.log.warn(f"a command to move a model is rejected: {error}", every=LOG_PERIOD_S)
 
     def _get_model_state(self, request: gz.GetModelState) -> gz.GetModelStateResponse:
         frame = request.relative_entity_name
@@ -220,7 +229,7 @@ class GazeboServices:
 
     def _set_model_state(self, request: gz.SetModelState) -> gz.SetModelStateResponse:
         self._move_model(request.model_state)
-        return gz.SetModelStateResponse(success=True, status_message=f"{request.model_state.model_name} is moved")
+        return gz.SetModelStateResponse(success=True, status_message=f"{request.model_state.model_name} was moved")
 
     def _get_link_state(self, request: gz.GetLinkState) -> gz.GetLinkStateResponse:
         state = self._properties.link_state(
@@ -233,7 +242,7 @@ class GazeboServices:
 
     def _set_link_state(self, request: gz.SetLinkState) -> gz.SetLinkStateResponse:
         self._move_link(request.link_state)
-        return gz.SetLinkStateResponse(success=True, status_message=f"{request.link_state.link_name} is moved")
+        return gz.SetLinkStateResponse(success=True, status_message=f"{request.link_state.link_name} was moved")
 
     def _get_model_properties(self, request: gz.GetModelProperties) -> gz.GetModelPropertiesResponse:
         if request.model_name == GROUND or request.model_name in self._world.world_bodies:
@@ -335,13 +344,13 @@ class GazeboServices:
             )
         )
         return gz.SetModelConfigurationResponse(
-            success=True, status_message=f"{len(request.joint_names)} joints are set"
+            success=True, status_message=f"{len(request.joint_names)} joints were set"
         )
 
     def _spawn(self, request: gz.SpawnModel) -> gz.SpawnModelResponse | DeferredReply[gz.SpawnModelResponse]:
         spawn, notes = self._spawn_request(request)
         answer = self._models.spawn(spawn)
-        done = gz.SpawnModelResponse(success=True, status_message=f"{request.model_name} is there{notes}")
+        done = gz.SpawnModelResponse(success=True, status_message=f"spawned {request.model_name}{notes}")
         if not isinstance(answer, DeferredReply):
             return done
         reply: DeferredReply[gz.SpawnModelResponse] = DeferredReply()
@@ -362,19 +371,19 @@ class GazeboServices:
     def _spawn_request(self, request: gz.SpawnModel) -> tuple[SpawnModel, str]:
         """Return the request in the simulation's form, and remarks."""
         if not request.model_name:
-            raise BadInput("a model that is spawned needs a model_name")
+            raise BadInput("model_name is empty: the model to spawn needs a name")
         known = model_name(request.model_xml)
         pose, notes = _pose(request.initial_pose), ""
         model, urdf = OWN_MODELS.get(known, ""), request.model_xml
         if model:
             urdf = ""
-            notes = f": as {known}, Elea's own {model} is taken"
+            notes = f": Elea's own model {model} is used for {known}"
         elif is_sdf(urdf):
             pose = pose @ read_sdf_pose(urdf)
         elif not request.model_xml.strip():
             raise BadInput(f"{request.model_name}: its model_xml is empty: was the file or parameter found?")
         namespace, prefix = self._place(request, model, urdf)
-        # What the TurtleBots' plugin for Gazebo publishes.
+        # As the TurtleBots' Gazebo plugin publishes it: true odometry.
         exact = (Assignment(name="odometry", value="world"),) if model and read_model(model).drifts else ()
         spawn = SpawnModel(
             name=request.model_name,
@@ -401,7 +410,7 @@ class GazeboServices:
 
     def _delete_model(self, request: gz.DeleteModel) -> gz.DeleteModelResponse:
         if request.model_name == GROUND or request.model_name in self._world.world_bodies:
-            raise BadInput(f"{request.model_name} is a part of the world, which stays")
+            raise BadInput(f"{request.model_name} is part of the world and cannot be deleted")
         done = self._models.delete(Name(name=request.model_name))
         return gz.DeleteModelResponse(success=True, status_message=done.text)
 
@@ -417,17 +426,17 @@ class GazeboServices:
         )
 
     def _set_physics_properties(self, request: gz.SetPhysicsProperties) -> gz.SetPhysicsPropertiesResponse:
-        step, gravity = STEP_NS / 1e9, Vector3(z=-GRAVITY)
+        step, gravity = STEP_S, Vector3(z=-GRAVITY)
         if request.time_step not in (0.0, step):
-            raise BadInput(f"the time_step stays {step:g} s: a run cannot change it")
+            raise BadInput(f"the time_step is fixed at {step:g} s")
         apart = max(abs(request.gravity.x), abs(request.gravity.y), abs(request.gravity.z - gravity.z))
         if apart > 0.05:
-            raise BadInput(f"gravity stays (0, 0, {gravity.z:g}) m/s2: a run cannot change it")
+            raise BadInput(f"gravity is fixed at (0, 0, {gravity.z:g}) m/s2")
         rate = self._get_physics_properties(gz.GetPhysicsProperties()).max_update_rate
         if abs(request.max_update_rate - rate) > 1e-6 * rate:
             raise BadInput(
-                f"max_update_rate stays {rate:g} per second: how fast time runs is the parameter factor of /sim "
-                "(./elea param set /sim factor 2)"
+                f"max_update_rate is {rate:g} per second: to change the speed of time, set the parameter factor of "
+                "/sim (./elea param set /sim factor 2)"
             )
         return gz.SetPhysicsPropertiesResponse(success=True, status_message="the physics has these properties already")
 
@@ -450,8 +459,8 @@ class GazeboServices:
             root = self._world.body(link.body).links[0]
             if link.name != root:
                 raise BadInput(
-                    f"{link} hangs on joints: of {link.body}, {root} alone can be moved; set_model_configuration sets "
-                    "joints"
+                    f"{link} is attached by joints: only the root link {root} of {link.body} can be moved; use "
+                    "set_model_configuration for joints"
                 )
             name = link.body
         self._move_model(

@@ -47,7 +47,7 @@ def run(ctx: Context[SimParameters]) -> None:
             ctx.log.warn(note)
         with open_world(params.engine or default_engine(), world_description, STEP_NS) as world:
             for overlap in world.overlaps_at_start():
-                ctx.log.warn(f"{overlap}: the first step throws it out")
+                ctx.log.warn(f"{overlap}: the first physics step will push it out violently")
             stops_file = Path(params.stops_file) if params.stops_file else None
             simulation = Simulation(node, world, params.seed, params.mode == "real", stops_file)
             node.log.now = lambda: simulation.now
@@ -91,12 +91,13 @@ def _run_loop(ctx: Context[SimParameters], loop: SimulationLoop) -> None:
     try:
         while True:
             loop.process_requests()
-            if loop.standing:
-                loop.stand()
+            if loop.time_stopped:
+                loop.update_while_stopped()
                 ctx.idle()
                 continue
-            loop.tick()
-            ctx.update_params(admitted=True)
+            stepped = loop.tick()
+            # In lockstep, parameters are admitted by steps alone.
+            ctx.update_params(admitted=stepped or ctx.params.mode == "lockstep")
             loop.time_mode.set_factor(ctx.params.factor)
             heartbeat.ticks = simulation.tick
             if simulation.tick % STEPS_PER_SECOND == 0:
@@ -130,7 +131,7 @@ class SimulationLoop:
         node.serve(STEP, lambda request: self._between_ticks(lambda: self._begin_steps(request)))
 
     @property
-    def standing(self) -> bool:
+    def time_stopped(self) -> bool:
         """Whether time stands still: paused, with no steps under way."""
         return self.simulation.paused and self._steps is None
 
@@ -139,22 +140,24 @@ class SimulationLoop:
         self._show_state()
         self._publish()
 
-    def tick(self) -> None:
+    def tick(self) -> bool:
         """Wait until the tick is due, read the inputs, take one physics step and publish.
 
-        Return without a step when a request interrupts the wait.
+        Returns:
+            Whether the step was taken; otherwise the wait goes on at the next call.
         """
         simulation, time_mode = self.simulation, self.time_mode
         if time_mode.due:
             if not time_mode.wait(lambda: bool(self._requests)):
-                return
+                return False
             simulation.read_inputs(time_mode.watermarks, time_mode.factor)
         simulation.step()
         self._publish()
         if self._steps is not None and simulation.tick >= self._steps.goal:
             self._end_steps()
+        return True
 
-    def stand(self) -> None:
+    def update_while_stopped(self) -> None:
         """While time stands still: publish the clock and read the emergency stops."""
         self.simulation.publish_clock()
         self.simulation.read_stops(self.time_mode.watermarks)
@@ -214,7 +217,7 @@ class SimulationLoop:
         if not self.simulation.paused:
             raise BadInput("time is running: pause it before stepping")
         if self._steps is not None:
-            raise BadInput("a step is under way already")
+            raise BadInput("another step request is still in progress")
         self._steps = _Steps(self.simulation.tick + request.count, DeferredReply())
         self.time_mode.resync()
         return self._steps.reply
@@ -302,7 +305,7 @@ def wait_for_fleet(ctx: Context[SimParameters], idle: Callable[[], None]) -> tup
         return ended
 
     def report(absent: list[str], waited: float) -> None:
-        node.heartbeat.detail = f"time has not begun: waiting for {', '.join(absent)} since {waited:.0f} s"
+        node.heartbeat.detail = f"time has not begun: waiting for {', '.join(absent)} for {waited:.0f} s"
         if waited > WARN_PERIOD_S:
             node.log.warn(f"{node.heartbeat.detail}: did they start?", every=WARN_PERIOD_S)
 
@@ -310,13 +313,12 @@ def wait_for_fleet(ctx: Context[SimParameters], idle: Callable[[], None]) -> tup
     absent = wait_for_nodes(node.transport, expected, idle, params.start_timeout, report, exited_nodes)
     node.heartbeat.detail = ""
     node.unregister(fleet)
-    over_by = {each: "has ended" if each in ended else "is not ready" for each in absent}
-    reasons = ", ".join(f"{each} {how}" for each, how in over_by.items())
+    reasons = ", ".join(f"{each} {'has exited' if each in ended else 'is not ready'}" for each in absent)
     if required := [each for each in absent if each in params.requires]:
         raise BadInput(
-            f"time does not begin: {reasons}; waited until no other node came for {params.start_timeout:g} s, and the "
-            f"fleet requires {', '.join(required)}: see ./elea logs"
+            f"time does not start: {reasons}; no other node became ready for {params.start_timeout:g} s, and the fleet "
+            f"requires {', '.join(required)}: see ./elea logs"
         )
     if absent:
-        node.log.warn(f"time begins without some nodes of the fleet: {reasons}; see ./elea logs")
+        node.log.warn(f"starting time without some nodes of the fleet: {reasons}; see ./elea logs")
     return tuple(absent)

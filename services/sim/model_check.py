@@ -14,12 +14,12 @@ from models.gazebo_tags import GazeboTags, Transmission, parse_gazebo_tags
 from models.inertia_check import inertia_doubt, inertia_fault
 from models.mesh import Mesh, read_mesh
 from models.model import RobotModel, read_model
-from models.robot_cache import is_made
+from models.robot_cache import is_imported
 from models.robot_facts import RobotFacts, read_facts
 from models.robot_source import RobotSource, resolve_robot
 from models.shapes import LinkShapes, read_shapes
 from models.urdf import Joint, Link, RobotDescription, parse_urdf, parse_xml, read_urdf
-from models.wheels import read_wheel, turns_for_ever
+from models.wheels import is_continuous, read_wheel
 from models.world import WorldDescription
 from models.xacro_file import XacroValue
 from services.runtime.step import STEP_NS
@@ -196,7 +196,7 @@ def check_model(
 
 def _read(source: RobotSource) -> _Robot:
     text = read_urdf(source.urdf)
-    made = is_made(source.model)
+    imported = is_imported(source.model)
 
     def mesh(uri: str) -> Mesh:
         return read_mesh(Path(unquote(uri.removeprefix("file://"))))
@@ -207,7 +207,7 @@ def _read(source: RobotSource) -> _Robot:
         description=parse_urdf(text),
         shapes=read_shapes(parse_xml(text), mesh, []),
         tags=parse_gazebo_tags(text, source.urdf.name),
-        facts=read_facts(source.model) if made else RobotFacts(name=source.name, origin=str(source.urdf)),
+        facts=read_facts(source.model) if imported else RobotFacts(name=source.name, origin=str(source.urdf)),
     )
 
 
@@ -347,7 +347,7 @@ def _faults(link: Link, robot: _Robot) -> Iterator[str]:
     above = next((each for each in robot.description.joints if each.child == link.name), None)
     if not has_inertial(link):
         if above is not None and above.kind != "fixed":
-            yield f"link {link.name!r} has no mass, and joint {above.name!r} moves it: Gazebo leaves it out"
+            yield f"link {link.name!r} has no mass although joint {above.name!r} moves it: Gazebo ignores such links"
     elif fault := inertia_fault(link.inertia):
         yield f"link {link.name!r}: {fault}"
 
@@ -357,7 +357,7 @@ def _doubts(link: Link, robot: _Robot) -> Iterator[str]:
     box = own.box()
     if not has_inertial(link):
         if own.collisions and link.name != robot.description.root:
-            yield f"link {link.name!r} collides and has no mass"
+            yield f"link {link.name!r} has a collision shape but no mass"
     elif box is not None and not inertia_fault(link.inertia):
         x, y, z = (box[1] - box[0]).tolist()
         if doubt := inertia_doubt(link.inertia, (x, y, z)):
@@ -401,7 +401,7 @@ def driven_robot(world: World, body: AdaptedBody, settings: DriveConfig) -> Driv
         world,
         body.body.name,
         settings.drive,
-        of_wheels=settings.of_wheels,
+        per_wheel=settings.per_wheel,
         side_grip=body.side_grip(handle),
         servo=None if steering is None else SteeringServo(handle, steering),
     )
@@ -409,7 +409,7 @@ def driven_robot(world: World, body: AdaptedBody, settings: DriveConfig) -> Driv
 
 def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[TrialFacts]:
     motors, steering = settings.motors, settings.drive.steering
-    encoders = settings.of_sides if motors else None
+    encoders = settings.side_means if motors else None
     base = robot.model.wheels or robot.model.planar
     assert base is not None
     speed, rate = min(base.max_linear, 0.5), min(base.max_angular, 1.0)
@@ -426,7 +426,7 @@ def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[
         if steering is not None:
             k = 0.7 * steering.curvature(steering.max_angle)
             speed = min(speed, rate / k)
-            circle = drive_circle(fresh(), math.tau, speed, speed * k, settings.of_sides)
+            circle = drive_circle(fresh(), math.tau, speed, speed * k, settings.side_means)
             # A circle that misses TURN of its angle ends that share of its length from the start.
             yield _turn(circle, "360 deg on a circle", max(DRIFT, TURN * math.tau / k))
             return
@@ -473,7 +473,7 @@ def _shake(robot: _Robot) -> Iterator[TrialFacts]:
         if each.single_dof
         and each.name not in driven
         and each.mimic is None
-        and not (model.has_base and turns_for_ever(each))
+        and not (model.has_base and is_continuous(each))
     ]
     if not chosen:
         return

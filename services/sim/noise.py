@@ -26,13 +26,13 @@ class NoiseSource:
 
     def at(self, tick: int) -> NDArray[np.float64]:
         """Return standard normal numbers for the reading at ``tick``, shape (count,)."""
-        block, place = self.place(tick)
+        block, index = self.locate(tick)
         if block != self._drawn:
             self._drawn, self._numbers = block, self.block(block)
-        numbers: NDArray[np.float64] = self._numbers[place]
+        numbers: NDArray[np.float64] = self._numbers[index]
         return numbers
 
-    def place(self, tick: int) -> tuple[int, int]:
+    def locate(self, tick: int) -> tuple[int, int]:
         """Return the block of the reading at ``tick`` and its index there; sources of one rate and count agree."""
         return divmod(tick // self._steps, self._shape[0])
 

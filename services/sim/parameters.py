@@ -137,7 +137,7 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
         Meta(
             ge=0,
             le=10,
-            description="Multiple of the model's random errors of wheel radii and separation in odometry; 0: none.",
+            description="Scale of the model's random errors of wheel radii and separation in odometry; 0: none.",
         ),
     ] = 1.0
     noise: Annotated[bool, Meta(description="Add the noise of the real sensors.")] = True
@@ -209,7 +209,10 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
 
     allow_multiple_cmd_vel_publishers: (
         Annotated[
-            bool, Meta(description="Obey the newest of several publishers; otherwise, brake while there are several.")
+            bool,
+            Meta(
+                description="Follow the newest command of several publishers; otherwise, brake while there are several."
+            ),
         ]
         | None
     ) = None
@@ -242,7 +245,12 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
         Annotated[str, _name("Child frame of odometry, without the frame prefix; the root link by default.")] | None
     ) = None
     controller: (
-        Annotated[str, _name("Namespace within the robot's in which commands and odometry get second topic names.")]
+        Annotated[
+            str,
+            _name(
+                "Name of the controller, as in ros_control: a sub-namespace with second command and odometry topics."
+            ),
+        ]
         | None
     ) = None
     enable_link_tf: (

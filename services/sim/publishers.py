@@ -42,13 +42,13 @@ from services.sim.drive.odometry import (
 )
 from services.sim.entities import pose_and_twist
 from services.sim.joints.motors import JointMotors
-from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import BodyHandle, BodyState, JointReadings, World
 from services.sim.robot_names import odometry_child, robot_frame_prefix
-from services.sim.robot_topics import RobotPublisher, RobotTopicGroup, steps_of, topic_names
-from services.sim.sensor_publishers import SensorMount, robot_sensors
+from services.sim.robot_topics import RobotPublisher, RobotTopicGroup, is_due, steps_of, topic_names
+from services.sim.sensor_publishers import SensorContext, robot_sensors
 from services.sim.sensors import joint_state
+from services.sim.snapshot import Snapshot
 from services.sim.template_groups import GroupEncoder, TemplateGroup
 
 
@@ -74,7 +74,7 @@ class RobotPublishers:
         """The child frame of odometry, without the frame prefix."""
         self._base_frame = self.frame_id(model.base_frame)
         self.joint_state_steps = max(1, steps_of(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
-        self.truth_steps = steps_of(model.odometry_rate)
+        self.truth_rate = model.odometry_rate
         self._publishers: list[RobotPublisher] = []
         self.truth, self.joint_states = self._publisher(GROUND_TRUTH), self._publisher(JOINT_STATES)
         self._publisher(ROBOT_DESCRIPTION).publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
@@ -82,16 +82,16 @@ class RobotPublishers:
         extra = {topic: self._publisher(topic) for topic in actuation.extra_topics}
         self._status, self._commanded = extra.get(BASE_STATUS), extra.get(CMD_VEL_OUT)
         self._feedback: RobotPublisher | None = None
-        mount = SensorMount(
+        context = SensorContext(
             world, entry.name, entry.model, seed, self._publisher, self.frame_id, actuation, node.log.warn
         )
-        self.sensors = robot_sensors(mount, model)
+        self.sensors = robot_sensors(context, model)
         self.truth_template = self._odometry_template("world", self._base_frame, ZERO_COVARIANCE, ZERO_COVARIANCE)
         self._odometry_template_of: tuple[Packed36, Packed36, Template[Any]] | None = None
         self.joint_template = Template(self._joint_state, 3 * len(self.joints))
         self._command_template = Template(self._command, 2)
-        self.joints_read = self.odometry_read = False
-        """Whether joint states and odometry have subscribers, as of the last ``update_readers``."""
+        self.joints_subscribed = self.odometry_subscribed = False
+        """Whether joint states and odometry have subscribers, as of the last ``update_subscriptions``."""
         self.reset()
 
     def close(self) -> None:
@@ -104,10 +104,10 @@ class RobotPublishers:
         self.odometry: tuple[bytes, OdometrySample] | None = None
         """The stamp and sample of the last odometry that was due."""
 
-    def update_readers(self) -> None:
+    def update_subscriptions(self) -> None:
         """Update which topics have subscribers."""
-        self.joints_read = bool(self.joints) and self.joint_states.has_subscribers
-        self.odometry_read = self.odometry_publisher is not None and self.odometry_publisher.has_subscribers
+        self.joints_subscribed = bool(self.joints) and self.joint_states.has_subscribers
+        self.odometry_subscribed = self.odometry_publisher is not None and self.odometry_publisher.has_subscribers
 
     def frame_id(self, link: str) -> str:
         """Return the frame id of a link, with the robot's frame prefix."""
@@ -118,47 +118,47 @@ class RobotPublishers:
         """Whether the joint states are the plain measurements, published at their own rate."""
         return not (self._motors.commanded or self._actuation.applies_efforts)
 
-    def joint_readings(self, moment: Moment) -> tuple[float, ...] | None:
+    def joint_readings(self, snapshot: Snapshot) -> tuple[float, ...] | None:
         """Return positions, velocities and efforts of the joints, one after another; None if they are not due.
 
         With a controller manager they are due at every tick.
         """
         motors = self._motors
-        if not (motors.commanded or self._joint_states_due(moment)):
+        if not (motors.commanded or self._joint_states_due(snapshot)):
             return None
-        position, velocity, effort = motors.readings(self._actuation.with_efforts(moment.joints(self.name)))
+        position, velocity, effort = motors.readings(self._actuation.with_efforts(snapshot.joints(self.name)))
         return *position, *velocity, *effort
 
-    def publish_joint_states(self, moment: Moment, payload: bytes) -> None:
+    def publish_joint_states(self, snapshot: Snapshot, payload: bytes) -> None:
         """Publish encoded joint readings, also as feedback if a controller manager commands the joints."""
-        if self._joint_states_due(moment):
+        if self._joint_states_due(snapshot):
             self.joint_states.publish_encoded(payload)
         if self._motors.commanded:
             if self._feedback is None:
                 self._feedback = self._publisher(JOINT_FEEDBACK)
             self._feedback.publish_encoded(payload)
 
-    def _joint_states_due(self, moment: Moment) -> bool:
-        return self.joints_read and moment.tick % self.joint_state_steps == 0
+    def _joint_states_due(self, snapshot: Snapshot) -> bool:
+        return self.joints_subscribed and snapshot.tick % self.joint_state_steps == 0
 
     @property
-    def command_read(self) -> bool:
+    def command_subscribed(self) -> bool:
         """Whether the limited command is published and has subscribers."""
         return self._commanded is not None and self._commanded.has_subscribers
 
-    def publish_command(self, moment: Moment) -> None:
+    def publish_command(self, snapshot: Snapshot) -> None:
         """Publish the limited command."""
         assert self._commanded is not None
         velocity = self._actuation.commanded_velocity
-        self._commanded.publish_encoded(self._command_template.encode(moment.stamp, velocity))
+        self._commanded.publish_encoded(self._command_template.encode(snapshot.stamp, velocity))
 
-    def sample_odometry(self, moment: Moment) -> OdometrySample | None:
+    def sample_odometry(self, snapshot: Snapshot) -> OdometrySample | None:
         """Sample odometry if it is due; return None if it is not, or has no subscribers."""
-        if self.odometry_publisher is None or not self.odometer.due(moment.now, self._actuation.odometry_rate):
+        if self.odometry_publisher is None or not is_due(snapshot.now, self._actuation.odometry_rate):
             return None
-        sample = self.odometer.sample(moment)
-        self.odometry = moment.stamp, sample
-        return sample if self.odometry_read else None
+        sample = self.odometer.sample(snapshot)
+        self.odometry = snapshot.stamp, sample
+        return sample if self.odometry_subscribed else None
 
     def publish_status(self, status: BaseStatus) -> None:
         """Publish the status of the base."""
@@ -195,10 +195,9 @@ class RobotPublishers:
         )
 
 
-class _ReadTopics(NamedTuple):
-    """The same topic of several robots, with subscribers and due every ``steps`` physics steps."""
+class _SubscribedTopics(NamedTuple):
+    """The same topic of several robots, with subscribers and due at the same times."""
 
-    steps: int
     names: tuple[str, ...]
     topics: RobotTopicGroup
 
@@ -210,79 +209,84 @@ class MotionPublisher:
         self._odometry = GroupEncoder()
         self._joint_encoders: dict[int, GroupEncoder] = {}
         """By the number of values in a message."""
-        self.update_readers(())
+        self.update_subscriptions(())
 
-    def update_readers(self, robots: Sequence[RobotPublishers]) -> None:
+    def update_subscriptions(self, robots: Sequence[RobotPublishers]) -> None:
         """Set the robots, and update which of their topics have subscribers."""
         for each in robots:
-            each.update_readers()
+            each.update_subscriptions()
         self._robots = robots
-        self._commands = [each for each in robots if each.command_read]
-        self._placed: dict[int, list[str]] = {}
-        """By period in steps, the robots whose body states are published."""
-        truths: dict[int, list[RobotPublishers]] = {}
+        self._commands = [each for each in robots if each.command_subscribed]
+        self._placed: dict[float, list[str]] = {}
+        """By rate [Hz], the robots whose body states are published."""
+        truths: dict[float, list[RobotPublishers]] = {}
         measured: dict[tuple[int, int], list[RobotPublishers]] = {}
         self._other_joints: list[RobotPublishers] = []
         """Robots whose joint states differ from the plain measurements."""
         for each in robots:
             if each.truth.has_subscribers:
-                truths.setdefault(each.truth_steps, []).append(each)
+                truths.setdefault(each.truth_rate, []).append(each)
             if each.truth.has_subscribers or each.odometer.state is None:
-                self._placed.setdefault(each.truth_steps, []).append(each.name)
+                self._placed.setdefault(each.truth_rate, []).append(each.name)
             if not each.joints_as_measured:
                 self._other_joints.append(each)
-            elif each.joints_read:
+            elif each.joints_subscribed:
                 measured.setdefault((each.joint_state_steps, len(each.joints)), []).append(each)
         self._truths = [
-            _ReadTopics(
-                steps,
-                tuple(each.name for each in read),
-                RobotTopicGroup([each.truth for each in read], [each.truth_template for each in read]),
+            (
+                rate,
+                _SubscribedTopics(
+                    tuple(each.name for each in group),
+                    RobotTopicGroup([each.truth for each in group], [each.truth_template for each in group]),
+                ),
             )
-            for steps, read in truths.items()
+            for rate, group in truths.items()
         ]
         self._joint_states = [
-            _ReadTopics(
+            (
                 steps,
-                tuple(each.name for each in read),
-                RobotTopicGroup([each.joint_states for each in read], [each.joint_template for each in read]),
+                _SubscribedTopics(
+                    tuple(each.name for each in group),
+                    RobotTopicGroup([each.joint_states for each in group], [each.joint_template for each in group]),
+                ),
             )
-            for (steps, _), read in measured.items()
+            for (steps, _), group in measured.items()
         ]
 
-    def publish_joint_states(self, moment: Moment) -> None:
+    def publish_joint_states(self, snapshot: Snapshot) -> None:
         """Publish the joint states that are due."""
-        for steps, names, topics in self._joint_states:
-            if moment.tick % steps == 0:
-                rows = moment.joint_rows(names).reshape(3, len(names), -1)
-                topics.publish(moment.stamp, rows.swapaxes(0, 1).reshape(len(names), -1))
+        for steps, (names, topics) in self._joint_states:
+            if snapshot.tick % steps == 0:
+                rows = snapshot.joint_rows(names).reshape(3, len(names), -1)
+                topics.publish(snapshot.stamp, rows.swapaxes(0, 1).reshape(len(names), -1))
         if self._other_joints:
-            self._publish_other_joints(moment)
+            self._publish_other_joints(snapshot)
 
-    def _publish_other_joints(self, moment: Moment) -> None:
+    def _publish_other_joints(self, snapshot: Snapshot) -> None:
         robots = self._other_joints
-        found = [(each, readings) for each in robots if (readings := each.joint_readings(moment)) is not None]
+        found = [(each, readings) for each in robots if (readings := each.joint_readings(snapshot)) is not None]
         for count in {len(readings): None for _, readings in found}:
             alike = [(each, readings) for each, readings in found if len(readings) == count]
             encoder = self._joint_encoders.setdefault(count, GroupEncoder())
             rows = np.array([readings for _, readings in alike])
-            payloads = encoder.encode([each.joint_template for each, _ in alike], moment.stamp, rows)
+            payloads = encoder.encode([each.joint_template for each, _ in alike], snapshot.stamp, rows)
             for (each, _), payload in zip(alike, payloads, strict=True):
-                each.publish_joint_states(moment, payload)
+                each.publish_joint_states(snapshot, payload)
 
-    def publish(self, moment: Moment) -> None:
+    def publish(self, snapshot: Snapshot) -> None:
         """At a control tick, publish the limited commands, ground truth and odometry that are due."""
-        tick = moment.tick
-        moment.read_states([name for steps, names in self._placed.items() if tick % steps == 0 for name in names])
+        snapshot.read_states(
+            [name for rate, names in self._placed.items() if is_due(snapshot.now, rate) for name in names]
+        )
         for each in self._commands:
-            each.publish_command(moment)
-        for steps, names, topics in self._truths:
-            if tick % steps == 0:
-                topics.publish(moment.stamp, world_motions(moment.states(names)))
-        sampled = [(each, sample) for each in self._robots if (sample := each.sample_odometry(moment)) is not None]
+            each.publish_command(snapshot)
+        for rate, (names, topics) in self._truths:
+            if is_due(snapshot.now, rate):
+                topics.publish(snapshot.stamp, world_motions(snapshot.states(names)))
+        sampled = [(each, sample) for each in self._robots if (sample := each.sample_odometry(snapshot)) is not None]
         if sampled:
             motions = odometry_motions([sample for _, sample in sampled])
-            payloads = self._odometry.encode([each.odometry_template for each, _ in sampled], moment.stamp, motions)
+            payloads = self._odometry.encode([each.odometry_template for each, _ in sampled], snapshot.stamp, motions)
             now = time_ns()
             for (each, _), payload in zip(sampled, payloads, strict=True):
                 assert each.odometry_publisher is not None
@@ -323,11 +327,11 @@ class GazeboStatesPublisher:
         self._link_names: tuple[str, ...] = ()
         """Scoped names of the links of these bodies."""
 
-    def publish(self, moment: Moment) -> None:
+    def publish(self, snapshot: Snapshot) -> None:
         """Publish the current states."""
         world = self._world
         if self._models.has_subscribers:
-            rows = moment.states(world.names)
+            rows = snapshot.states(world.names)
             if world.world_bodies:
                 others = [world.world_body_state(name).numbers for name in world.world_bodies]
                 rows = np.concatenate((rows, others))

@@ -18,9 +18,9 @@ from messages.simulation import SpawnModel
 from models import MODELS
 from models.model import read_model
 from models.packages import FileAccess, PackagePath
-from models.robot_cache import MADE, is_made
+from models.robot_cache import IMPORTED, is_imported
 from models.robot_facts import read_facts
-from models.robot_source import find_made, names_file, resolve_robot, resolve_urdf_text
+from models.robot_source import find_imported, names_file, resolve_robot, resolve_urdf_text
 from models.sdf_robot import is_sdf, urdf_of_sdf
 from services.runtime.errors import BadInput, EleaError, TryAgain
 from services.runtime.requests import DeferredReply
@@ -66,16 +66,16 @@ class RobotLoader:
 
         Raises:
             BadInput: It cannot be read or spawned.
-            TryAgain: MAX_LOADING robots are being read already.
+            TryAgain: MAX_LOADING robots are already being loaded.
         """
         if request.model in MODELS and not request.urdf:
             return spawn(request.model)
-        if (made := find_made(request.model)) is not None:
-            return spawn(made.model)
+        if (imported := find_imported(request.model)) is not None:
+            return spawn(imported.model)
         if self._answer_in_loop is None or (not request.urdf and not names_file(request.model)):
             return spawn(self._log_notes(request, *self._load(request)))
         if self._loading >= MAX_LOADING:
-            raise TryAgain(f"{MAX_LOADING} robots are being read already: ask again when they are there")
+            raise TryAgain(f"{MAX_LOADING} robots are already being loaded: try again later")
         self._loading += 1
         reply: DeferredReply[ModelState] = DeferredReply()
         arguments = request, spawn, reply, self._answer_in_loop, self._last
@@ -113,7 +113,7 @@ class RobotLoader:
     def _log_notes(self, request: SpawnModel, model: str, notes: Sequence[str]) -> str:
         """Log the ``notes`` and return the model."""
         if notes and self._log_note is not None:
-            self._log_note(f"{request.name}: of its SDF: {'; '.join(notes)}")
+            self._log_note(f"{request.name}: notes on its SDF: {'; '.join(notes)}")
         return model
 
     def _load(self, request: SpawnModel) -> tuple[str, tuple[str, ...]]:
@@ -125,10 +125,10 @@ class RobotLoader:
             if is_sdf(urdf):
                 urdf, notes = urdf_of_sdf(urdf, self._folders[0] if self._folders else None, packages, access)
             return resolve_urdf_text(urdf, packages, access, _label(request.model)).model, notes
-        if MADE.fullmatch(request.model):
+        if IMPORTED.fullmatch(request.model):
             raise BadInput(
-                f"the files of {_label(request.model)} are not here: the simulation runs on another machine, or as "
-                "another user. Send a URDF without meshes, or put the robot into the fleet file there"
+                f"the files of {_label(request.model)} are not available here: the simulation runs on another "
+                "machine, or as another user. Send a URDF without meshes, or add the robot to the fleet file there"
             )
         base = self._folders[0] if self._folders else Path.cwd()
         return resolve_robot(request.model, base, packages, access=FileAccess(folders, run_xacro=False)).model, ()
@@ -140,7 +140,7 @@ def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
     The root of a robot of ``models/`` is on the ground; the roots of others often are at the height of their axles, or
     a few millimetres below their wheels. A pose above that height and above the ground stays as it is.
     """
-    if not is_made(model) or read_model(model).fixed_base or max(map(abs, pose.rpy[:2])) > UPRIGHT:
+    if not is_imported(model) or read_model(model).fixed_base or max(map(abs, pose.rpy[:2])) > UPRIGHT:
         return pose
     x, y, z = pose.position
     standing = ground + read_facts(model).height
@@ -149,7 +149,7 @@ def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
 
 def _label(model: str) -> str:
     """Return the name of a robot whose files may not be on this machine."""
-    return model.rpartition("-")[0] if MADE.fullmatch(model) else model
+    return model.rpartition("-")[0] if IMPORTED.fullmatch(model) else model
 
 
 def with_own_files(entry: RobotEntry) -> RobotEntry:

@@ -75,7 +75,7 @@ class RobotParameterSet(Generic[P, D]):
             own,
             fleet={each: stated[each] for each in changed_names(stated, flatten(type(given)()))},
             described=described,
-            fits=make,
+            validate=make,
         )
         self.subscription.start(wait)
         if self.subscription.params is not own:
@@ -115,8 +115,8 @@ class BaseParameterSet:
         assert own.drive_config is not None
         self.name, self._model, self._model_name = entry.name, own.model, entry.model
         self._torque_driven = own.drive_config.gains is not None
-        figures = effective_parameters(entry.model, own.model, BaseParameters())
-        described = [self._described(each, own.parameters) for each in describe_parameters(BaseParameters, figures)]
+        defaults = effective_parameters(entry.model, own.model, BaseParameters())
+        described = [self._described(each, own.parameters) for each in describe_parameters(BaseParameters, defaults)]
         self._set: RobotParameterSet[BaseParameters, DriveConfig] = RobotParameterSet(
             node, entry.name, join(namespace, "base"), entry.parameters, own.parameters, described, self._derive, wait
         )
@@ -171,7 +171,7 @@ class BaseParameterSet:
 
     def _derive(self, parameters: BaseParameters) -> DriveConfig:
         if (parameters.wheel_pid is not None) != self._torque_driven:
-            raise BadInput("wheel_pid: a base is driven by torque or by speed from its spawn on; only gains change")
+            raise BadInput("wheel_pid: it cannot be added or removed after the spawn; only its gains can change")
         return drive_config(self._model_name, self._model, with_model_defaults(self._model, parameters))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from time import time_ns
@@ -19,6 +20,13 @@ from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 from services.runtime.step import STEP_NS
 from services.sim.template_groups import TemplateGroup
+
+CONTROL_STEPS = 4
+"""Physics steps between two reads of the commands, and between two clock messages: 50 Hz. In real time both happen more
+often where joint states are published faster, for the sake of their controllers (see ``Simulation.input_steps``); in
+lockstep, inputs are also read whenever a member is due."""
+ROUNDING = 1e-6
+"""As a share of a period; a time this close to the end of a period counts as its end."""
 
 
 def topic_names(topic: Topic[Any], model: RobotModel, namespace: str) -> list[str]:
@@ -78,3 +86,15 @@ class RobotTopicGroup:
 def steps_of(rate: float) -> int:
     """Return the physics steps between two messages of a topic of this rate [Hz]."""
     return round(1e9 / rate / STEP_NS)
+
+
+def is_due(now: int, rate: float) -> bool:
+    """Return whether a message of ``rate`` [Hz] is due at the control tick ``now`` [ns].
+
+    The average rate is exact, as in ROS, up to that of control ticks, and counts from time 0: topics of the same rate
+    have the same stamps, whenever their robots were spawned.
+    """
+    if rate <= 0:
+        return False
+    before = now - CONTROL_STEPS * STEP_NS
+    return math.floor(now * rate / 1e9 + ROUNDING) > math.floor(before * rate / 1e9 + ROUNDING)

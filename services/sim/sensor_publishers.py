@@ -17,7 +17,6 @@ from messages.topics import CAMERA_INFO, IMAGE, IMU, RANGE, SCAN, SONAR, Topic
 from models.model import ON_LINK, CameraConfig, ImuConfig, LaserConfig, RobotModel, SonarConfig
 from services.runtime.errors import BadInput
 from services.runtime.step import STEP_NS
-from services.sim.moment import Moment
 from services.sim.noise import NoiseSource
 from services.sim.physics.world import World
 from services.sim.robot_topics import RobotPublisher, RobotTopicGroup, steps_of
@@ -33,6 +32,7 @@ from services.sim.sensors import (
     sonar_ranges,
     sonar_ring,
 )
+from services.sim.snapshot import Snapshot
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class NoiseSwitch(Protocol):
 
 
 @dataclass(frozen=True)
-class SensorMount:
+class SensorContext:
     """The context shared by the sensors of one robot.
 
     ``publisher`` advertises a topic of the robot, ``frame_id`` adds the robot's prefix to a frame, ``warn`` logs a
@@ -77,7 +77,7 @@ class Sensor(Protocol):
 
     steps: int
 
-    def publish(self, moment: Moment) -> None:
+    def publish(self, snapshot: Snapshot) -> None:
         """Publish a reading, if the topic has subscribers."""
         ...
 
@@ -85,113 +85,115 @@ class Sensor(Protocol):
 class ImuSensor:
     """An IMU. IMUs of one kind are read together by ``ImuGroup``."""
 
-    def __init__(self, mount: SensorMount, unit: ImuConfig) -> None:
-        self.steps, self.unit, self.robot = steps_of(unit.rate), unit, mount.robot
-        self.publisher, self.noise_switch = mount.publisher(IMU), mount.noise_switch
-        self.noise = mount.noise("imu", self.steps, _IMU_ERRORS)
-        frame = mount.frame_id(unit.mount.frame or unit.link)
+    def __init__(self, context: SensorContext, config: ImuConfig) -> None:
+        self.steps, self.config, self.robot = steps_of(config.rate), config, context.robot
+        self.publisher, self.noise_switch = context.publisher(IMU), context.noise_switch
+        self.noise = context.noise("imu", self.steps, _IMU_ERRORS)
+        frame = context.frame_id(config.mount.frame or config.link)
         self.template = Template(
-            lambda stamp, numbers: imu_message(unit, Header(stamp=stamp, frame_id=frame), numbers), 10
+            lambda stamp, numbers: imu_message(config, Header(stamp=stamp, frame_id=frame), numbers), 10
         )
 
 
-class _ImuReadings:
-    """IMUs that are read together."""
+class _SubscribedImus:
+    """IMUs of one kind that have subscribers, read together."""
 
-    def __init__(self, units: Sequence[ImuSensor]) -> None:
-        self.units = tuple(units)
-        self.robots = tuple(each.robot for each in units)
-        self.links = tuple((each.robot, each.unit.link) for each in units)
-        self.topics = RobotTopicGroup([each.publisher for each in units], [each.template for each in units])
-        self._noise_switches = [each.noise_switch for each in units]
-        self._block, self._numbers = -1, np.empty((0, len(units), _IMU_ERRORS))
+    def __init__(self, imus: Sequence[ImuSensor]) -> None:
+        self.imus = tuple(imus)
+        self.robots = tuple(each.robot for each in imus)
+        self.links = tuple((each.robot, each.config.link) for each in imus)
+        self.topics = RobotTopicGroup([each.publisher for each in imus], [each.template for each in imus])
+        self._noise_switches = [each.noise_switch for each in imus]
+        self._block, self._numbers = -1, np.empty((0, len(imus), _IMU_ERRORS))
 
     def errors(self, tick: int) -> Floats:
         """Return the noise numbers of each IMU, shape (n, 6); zeros for those without noise."""
-        block, place = self.units[0].noise.place(tick)
+        block, index = self.imus[0].noise.locate(tick)
         if block != self._block:
-            self._block, self._numbers = block, np.stack([each.noise.block(block) for each in self.units], axis=1)
+            self._block, self._numbers = block, np.stack([each.noise.block(block) for each in self.imus], axis=1)
         noisy = [each.noise for each in self._noise_switches]
-        numbers: Floats = self._numbers[place]
+        numbers: Floats = self._numbers[index]
         return numbers if all(noisy) else np.where(np.array(noisy)[:, None], numbers, 0.0)
 
 
-class _ImuLook(NamedTuple):
+class _ImuSnapshot(NamedTuple):
     """IMUs that were read together at ``now`` [ns], and the states of their bodies then, shape (n, 13)."""
 
     now: int
-    units: tuple[ImuSensor, ...]
+    imus: tuple[ImuSensor, ...]
     states: Floats
 
 
 class ImuGroup:
     """IMUs of one kind. They measure over the time since the last reading, so the first one gives nothing."""
 
-    def __init__(self, world: World, unit: ImuConfig) -> None:
-        self.units: list[ImuSensor] = []
-        self.steps = steps_of(unit.rate)
-        self._world, self._unit = world, unit
+    def __init__(self, world: World, config: ImuConfig) -> None:
+        self.imus: list[ImuSensor] = []
+        self.steps = steps_of(config.rate)
+        self._world, self._config = world, config
         self._period = math.lcm(self.steps, SENSOR_STEPS) * STEP_NS
-        self._read = _ImuReadings(())
+        self._subscribed = _SubscribedImus(())
         self.reset()
 
     def reset(self) -> None:
         """Restart from where the bodies are."""
-        self._look: _ImuLook | None = None
+        self._previous: _ImuSnapshot | None = None
 
-    def update_readers(self) -> None:
+    def update_subscriptions(self) -> None:
         """Update which IMUs have subscribers."""
-        units = tuple(each for each in self.units if each.publisher.has_subscribers)
-        if units != self._read.units:
-            self._read = _ImuReadings(units)
+        imus = tuple(each for each in self.imus if each.publisher.has_subscribers)
+        if imus != self._subscribed.imus:
+            self._subscribed = _SubscribedImus(imus)
 
-    def publish(self, moment: Moment) -> None:
+    def publish(self, snapshot: Snapshot) -> None:
         """Publish a reading of each IMU that has subscribers."""
-        read = self._read
-        states = moment.states(read.robots)
-        before, self._look = self._look, _ImuLook(moment.now, read.units, states)
-        if before is None or moment.now - before.now != self._period:
+        subscribed = self._subscribed
+        states = snapshot.states(subscribed.robots)
+        before, self._previous = self._previous, _ImuSnapshot(snapshot.now, subscribed.imus, states)
+        if before is None or snapshot.now - before.now != self._period:
             return
         earlier = before.states
-        if before.units is not read.units:
-            places = {each: place for place, each in enumerate(before.units)}
-            states = states[[each in places for each in read.units]]
-            read = _ImuReadings([each for each in read.units if each in places])
-            earlier = earlier[[places[each] for each in read.units]]
-        if read.units:
-            self._publish(moment, read, earlier, states)
+        if before.imus is not subscribed.imus:
+            indices = {each: index for index, each in enumerate(before.imus)}
+            states = states[[each in indices for each in subscribed.imus]]
+            subscribed = _SubscribedImus([each for each in subscribed.imus if each in indices])
+            earlier = earlier[[indices[each] for each in subscribed.imus]]
+        if subscribed.imus:
+            self._publish(snapshot, subscribed, earlier, states)
 
-    def _publish(self, moment: Moment, read: _ImuReadings, before: Floats, states: Floats) -> None:
-        poses = self._world.link_poses(read.links)
-        if self._unit.mount != ON_LINK:
-            places: Any = poses.T
-            poses = np.concatenate(Pose3(places[:3], places[3:]) @ self._unit.mount.pose).T
-        readings = imu_readings(self._unit, poses, before, states, self._period / 1e9, read.errors(moment.tick))
-        read.topics.publish(moment.stamp, readings)
+    def _publish(self, snapshot: Snapshot, subscribed: _SubscribedImus, before: Floats, states: Floats) -> None:
+        poses = self._world.link_poses(subscribed.links)
+        if self._config.mount != ON_LINK:
+            rows: Any = poses.T
+            poses = np.concatenate(Pose3(rows[:3], rows[3:]) @ self._config.mount.pose).T
+        readings = imu_readings(
+            self._config, poses, before, states, self._period / 1e9, subscribed.errors(snapshot.tick)
+        )
+        subscribed.topics.publish(snapshot.stamp, readings)
 
 
 class LaserSensor:
     """A laser. Lasers of one kind that are due together are read together by ``publish_scans``."""
 
-    def __init__(self, mount: SensorMount, laser: LaserConfig) -> None:
-        self.steps, self.laser, self.robot = steps_of(laser.rate), laser, mount.robot
-        self.publisher, self.frame = mount.publisher(SCAN), mount.frame_id(laser.mount.frame or laser.link)
-        self._mount, self._noise = mount, mount.noise("scan", self.steps, laser.samples)
+    def __init__(self, context: SensorContext, laser: LaserConfig) -> None:
+        self.steps, self.laser, self.robot = steps_of(laser.rate), laser, context.robot
+        self.publisher, self.frame = context.publisher(SCAN), context.frame_id(laser.mount.frame or laser.link)
+        self._context, self._noise = context, context.noise("scan", self.steps, laser.samples)
 
     def noise(self, tick: int) -> Floats | None:
         """Return the noise numbers at a tick; None without noise."""
-        return self._noise.at(tick) if self._mount.noise_switch.noise else None
+        return self._noise.at(tick) if self._context.noise_switch.noise else None
 
 
-def publish_scans(world: World, lasers: Iterable[LaserSensor], moment: Moment) -> None:
+def publish_scans(world: World, lasers: Iterable[LaserSensor], snapshot: Snapshot) -> None:
     """Publish a scan of each of the lasers that has subscribers."""
     kinds: dict[LaserConfig, list[LaserSensor]] = {}
     for each in lasers:
         if each.publisher.has_subscribers:
             kinds.setdefault(each.laser, []).append(each)
-    stamp = Time.of(moment.now)
+    stamp = Time.of(snapshot.now)
     for laser, alike in kinds.items():
-        noise = [each.noise(moment.tick) for each in alike]
+        noise = [each.noise(snapshot.tick) for each in alike]
         ranges = laser_ranges(world, [each.robot for each in alike], laser, noise)
         for each, row in zip(alike, ranges, strict=True):
             each.publisher.publish(laser_scan(laser, row, Header(stamp=stamp, frame_id=each.frame)))
@@ -200,24 +202,24 @@ def publish_scans(world: World, lasers: Iterable[LaserSensor], moment: Moment) -
 class SonarSensor:
     """A ring of sonars."""
 
-    def __init__(self, mount: SensorMount, sonar: SonarConfig) -> None:
-        self.steps, self._mount = steps_of(sonar.rate), mount
-        self._ring, self._noise = sonar_ring(mount.model, sonar), mount.noise("sonar", self.steps, len(sonar.links))
-        self._every, self._single = mount.publisher(SONAR), mount.publisher(RANGE)
+    def __init__(self, context: SensorContext, sonar: SonarConfig) -> None:
+        self.steps, self._context = steps_of(sonar.rate), context
+        self._ring, self._noise = sonar_ring(context.model, sonar), context.noise("sonar", self.steps, len(sonar.links))
+        self._every, self._single = context.publisher(SONAR), context.publisher(RANGE)
 
-    def publish(self, moment: Moment) -> None:
+    def publish(self, snapshot: Snapshot) -> None:
         every, single, ring = self._every.has_subscribers, self._single.has_subscribers, self._ring
         if not (every or single):
             return
-        mount = self._mount
-        noise = self._noise.at(moment.tick) if mount.noise_switch.noise else None
-        echoes = sonar_ranges(mount.world, mount.robot, ring, noise)
-        stamp = Time.of(moment.now)
+        context = self._context
+        noise = self._noise.at(snapshot.tick) if context.noise_switch.noise else None
+        echoes = sonar_ranges(context.world, context.robot, ring, noise)
+        stamp = Time.of(snapshot.now)
         if every:
-            header = Header(stamp=stamp, frame_id=mount.frame_id(ring.config.link))
+            header = Header(stamp=stamp, frame_id=context.frame_id(ring.config.link))
             self._every.publish(sonar_cloud(ring, echoes, header))
         if single:
-            headers = [Header(stamp=stamp, frame_id=mount.frame_id(link)) for link in ring.config.links]
+            headers = [Header(stamp=stamp, frame_id=context.frame_id(link)) for link in ring.config.links]
             for each in range_messages(ring, echoes, headers):
                 self._single.publish(each)
 
@@ -225,22 +227,22 @@ class SonarSensor:
 class CameraSensor:
     """A camera; its calibration is published beside each image."""
 
-    def __init__(self, mount: SensorMount, camera: CameraConfig) -> None:
-        self.steps, self._mount, self._camera = steps_of(camera.rate), mount, camera
-        self._images, self._infos = mount.publisher(IMAGE), mount.publisher(CAMERA_INFO)
-        self._frame = mount.frame_id(camera.mount.frame or camera.link)
+    def __init__(self, context: SensorContext, camera: CameraConfig) -> None:
+        self.steps, self._context, self._camera = steps_of(camera.rate), context, camera
+        self._images, self._infos = context.publisher(IMAGE), context.publisher(CAMERA_INFO)
+        self._frame = context.frame_id(camera.mount.frame or camera.link)
         self._draws = True
 
-    def publish(self, moment: Moment) -> None:
+    def publish(self, snapshot: Snapshot) -> None:
         if not (self._draws and self._images.has_subscribers):
             return
-        header = Header(stamp=Time.of(moment.now), frame_id=self._frame)
+        header = Header(stamp=Time.of(snapshot.now), frame_id=self._frame)
         try:
-            image = camera_image(self._mount.world, self._mount.robot, self._camera, header)
+            image = camera_image(self._context.world, self._context.robot, self._camera, header)
         except BadInput as error:
             # The engine cannot draw here: the robot drives on without its camera.
             self._draws = False
-            self._mount.warn(f"{self._mount.robot}: {error}")
+            self._context.warn(f"{self._context.robot}: {error}")
             return
         self._infos.publish(camera_info(self._camera, header))
         self._images.publish(image)
@@ -249,17 +251,17 @@ class CameraSensor:
 AnySensor = Sensor | ImuSensor | LaserSensor
 
 
-def robot_sensors(mount: SensorMount, model: RobotModel) -> list[AnySensor]:
+def robot_sensors(context: SensorContext, model: RobotModel) -> list[AnySensor]:
     """Create the sensors of a robot."""
     sensors: list[AnySensor] = []
     if model.imu is not None:
-        sensors.append(ImuSensor(mount, model.imu))
+        sensors.append(ImuSensor(context, model.imu))
     if model.laser is not None:
-        sensors.append(LaserSensor(mount, model.laser))
+        sensors.append(LaserSensor(context, model.laser))
     if model.sonar is not None:
-        sensors.append(SonarSensor(mount, model.sonar))
+        sensors.append(SonarSensor(context, model.sonar))
     if model.camera is not None:
-        sensors.append(CameraSensor(mount, model.camera))
+        sensors.append(CameraSensor(context, model.camera))
     return sensors
 
 
@@ -274,41 +276,41 @@ class SensorSchedule:
     def replace(self, sensors: Iterable[AnySensor]) -> None:
         """Replace all sensors."""
         for group in self._imus.values():
-            group.units = []
+            group.imus = []
         self._lasers: dict[int, list[LaserSensor]] = {}
         self._others: dict[int, list[Sensor]] = {}
         for each in sensors:
             if isinstance(each, ImuSensor):
-                if each.unit not in self._imus:
-                    self._imus[each.unit] = ImuGroup(self._world, each.unit)
-                self._imus[each.unit].units.append(each)
+                if each.config not in self._imus:
+                    self._imus[each.config] = ImuGroup(self._world, each.config)
+                self._imus[each.config].imus.append(each)
             elif isinstance(each, LaserSensor):
                 self._lasers.setdefault(each.steps, []).append(each)
             else:
                 self._others.setdefault(each.steps, []).append(each)
 
-    def update_readers(self) -> None:
+    def update_subscriptions(self) -> None:
         """Update which IMUs have subscribers."""
         for group in self._imus.values():
-            group.update_readers()
+            group.update_subscriptions()
 
     def reset(self) -> None:
         """Restart from where the bodies are."""
         for group in self._imus.values():
             group.reset()
 
-    def publish(self, moment: Moment) -> None:
+    def publish(self, snapshot: Snapshot) -> None:
         """Publish the readings that are due."""
-        tick = moment.tick
+        tick = snapshot.tick
         if tick % SENSOR_STEPS:
             return
         for group in self._imus.values():
             if tick % group.steps == 0:
-                group.publish(moment)
+                group.publish(snapshot)
         for steps, lasers in self._lasers.items():
             if tick % steps == 0:
-                publish_scans(self._world, lasers, moment)
+                publish_scans(self._world, lasers, snapshot)
         for steps, others in self._others.items():
             if tick % steps == 0:
                 for each in others:
-                    each.publish(moment)
+                    each.publish(snapshot)

@@ -16,6 +16,7 @@ from messages.geometry import Point32, Quaternion, Vector3
 from messages.se3 import (
     Pose3,
     Vector,
+    add_cross,
     rotate,
     rotate_inverse,
     rotated_axes,
@@ -84,14 +85,14 @@ ALIGNED = 1 - 1e-9
 """Cosine of half the largest angle between the axes of an IMU and its body at which they count as equal."""
 
 
-def imu_readings(unit: ImuConfig, poses: Floats, before: Floats, now: Floats, dt: float, noise: Floats) -> Floats:
+def imu_readings(config: ImuConfig, poses: Floats, before: Floats, now: Floats, dt: float, noise: Floats) -> Floats:
     """Return the readings of IMUs of one kind over the last ``dt`` [s], each on a body of its own.
 
     The specific force is R^T (dv/dt + g e_z), with dv the change of the IMU's own velocity: rotation about another
     point shows up, and an IMU at rest measures +g upward.
 
     Args:
-        unit: Its noise.
+        config: Its noise.
         poses: Poses of the IMUs, shape (n, 7).
         before: States of the bodies ``dt`` ago, shape (n, 13).
         now: Current states of the bodies, shape (n, 13).
@@ -110,32 +111,30 @@ def imu_readings(unit: ImuConfig, poses: Floats, before: Floats, now: Floats, dt
     offset = rotate_inverse(body, pose[:3] - new[:3])
     x, y, z, w = body * axes
     aligned = np.abs(w + x + y + z) >= ALIGNED
-    turn: Any = np.where(aligned, body, axes)
+    orientation: Any = np.where(aligned, body, axes)
     change: Any = (np.array(_point_velocity(new, offset)) - np.array(_point_velocity(old, offset))) / dt
     change[2] += GRAVITY
-    rate, force = rotate_inverse(turn, spin), rotate_inverse(turn, change)
-    readings = np.concatenate((turn, rate, force)).T
-    readings[:, 4:] += noise * np.repeat((unit.gyro_noise, unit.acceleration_noise), 3)
+    rate, force = rotate_inverse(orientation, spin), rotate_inverse(orientation, change)
+    readings = np.concatenate((orientation, rate, force)).T
+    readings[:, 4:] += noise * np.repeat((config.gyro_noise, config.acceleration_noise), 3)
     return readings
 
 
 def _point_velocity(states: Any, offset: Any) -> Vector:
     """Return the world velocity [m/s] of points ``offset`` [m, body axes] of bodies, v + w x R r, of arrays."""
-    x, y, z = rotate(states[3:7], offset)
-    vx, vy, vz, wx, wy, wz = states[7:]
-    return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
+    return add_cross(states[7:10], states[10:], rotate(states[3:7], offset))
 
 
-def imu_message(unit: ImuConfig, header: Header, numbers: Sequence[float]) -> Imu:
+def imu_message(config: ImuConfig, header: Header, numbers: Sequence[float]) -> Imu:
     """Return a reading as a message; ``numbers`` are its orientation, turn rate and specific force."""
     x, y, z, w, wx, wy, wz, ax, ay, az = numbers
     return Imu(
         header=header,
         orientation=Quaternion(x=x, y=y, z=z, w=w),
         angular_velocity=Vector3(x=wx, y=wy, z=wz),
-        angular_velocity_covariance=_isotropic(unit.gyro_noise),
+        angular_velocity_covariance=_isotropic(config.gyro_noise),
         linear_acceleration=Vector3(x=ax, y=ay, z=az),
-        linear_acceleration_covariance=_isotropic(unit.acceleration_noise),
+        linear_acceleration_covariance=_isotropic(config.acceleration_noise),
     )
 
 
@@ -211,15 +210,15 @@ class SonarRing:
     rays: Floats
 
 
-def sonar_ring(model: str, figures: SonarConfig) -> SonarRing:
-    """Return the sonars of the robot ``model``, mounted where its URDF has their links on ``figures.link``."""
-    mounts = {joint.child: joint for joint in read_joints(model) if joint.parent == figures.link}
-    turns = [np.array(rotated_axes(mounts[link].rotation())).T for link in figures.links]
+def sonar_ring(model: str, config: SonarConfig) -> SonarRing:
+    """Return the sonars of the robot ``model``, mounted where its URDF has their links on ``config.link``."""
+    mounts = {joint.child: joint for joint in read_joints(model) if joint.parent == config.link}
+    turns = [np.array(rotated_axes(mounts[link].rotation())).T for link in config.links]
     return SonarRing(
-        config=figures,
-        positions=np.array([mounts[link].xyz for link in figures.links]),
+        config=config,
+        positions=np.array([mounts[link].xyz for link in config.links]),
         axes=np.array([each[:, 0] for each in turns]),
-        rays=np.array([cone_rays(figures.cone) @ each.T for each in turns]),
+        rays=np.array([cone_rays(config.cone) @ each.T for each in turns]),
     )
 
 
@@ -243,20 +242,20 @@ def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: Floats | None
     inf without an echo up to ``range_max``, -inf for one nearer than ``range_min`` (REP 117). Everything in the cone
     gives an echo, however oblique. Sixteen sonars take about 2 ms.
     """
-    figures = ring.config
-    eye = world.body(robot).link_pose(figures.link)
+    config = ring.config
+    eye = world.body(robot).link_pose(config.link)
     turn = np.array(rotated_axes(eye.orientation)).T
     rays = ring.rays @ turn.T
     starts = np.repeat((np.array(eye.position) + ring.positions @ turn.T)[:, None, :], rays.shape[1], axis=1)
     fall = np.minimum(rays[:, :, 2], -1e-12)
-    reach = np.clip((GROUND_MARGIN - starts[:, :, 2]) / fall, GROUND_MARGIN, figures.range_max)
+    reach = np.clip((GROUND_MARGIN - starts[:, :, 2]) / fall, GROUND_MARGIN, config.range_max)
     ends = starts + reach[:, :, None] * rays
     fractions = world.cast_rays(starts.reshape(-1, 3), ends.reshape(-1, 3)).reshape(reach.shape)
     ranges: Floats = (reach * fractions).min(axis=1)
     if noise is not None:
         heard = np.isfinite(ranges)
-        ranges[heard] = np.minimum(ranges + figures.noise * noise, figures.range_max)[heard]
-    ranges[ranges < figures.range_min] = -np.inf
+        ranges[heard] = np.minimum(ranges + config.noise * noise, config.range_max)[heard]
+    ranges[ranges < config.range_min] = -np.inf
     return ranges
 
 
@@ -276,14 +275,14 @@ def sonar_cloud(ring: SonarRing, ranges: Floats, header: Header) -> PointCloud:
 
 def range_messages(ring: SonarRing, ranges: Floats, headers: Sequence[Header]) -> list[Range]:
     """Return the readings as single messages; each sonar's header has its own frame."""
-    figures = ring.config
+    config = ring.config
     return [
         Range(
             header=header,
             radiation_type=Range.ULTRASOUND,
-            field_of_view=figures.cone,
-            min_range=figures.range_min,
-            max_range=figures.range_max,
+            field_of_view=config.cone,
+            min_range=config.range_min,
+            max_range=config.range_max,
             range=reading,
         )
         for header, reading in zip(headers, ranges.tolist(), strict=True)

@@ -53,7 +53,7 @@ from services.runtime.errors import BadInput
 from services.runtime.node import Node
 from services.runtime.parameters.validation import build
 from services.runtime.requests import DeferredReply
-from services.runtime.step import STEP_NS
+from services.runtime.step import STEP_NS, STEP_S
 from services.sim import SimParameters
 from services.sim.drive.odometry import body_pose, body_twist
 from services.sim.entities import (
@@ -120,7 +120,7 @@ class SimulationServices:
     def delete(self, request: Name) -> Done:
         """Delete a model."""
         self._simulation.delete(request.name)
-        return Done(text=f"{request.name} is gone")
+        return Done(text=f"deleted {request.name}")
 
     def _list(self, _: Empty) -> ModelList:
         return ModelList(models=tuple(robot.state() for robot in self._simulation.robots))
@@ -143,7 +143,7 @@ class SimulationServices:
         world = self._simulation.world
         robot = None if request.name in world.world_bodies else self._simulation.find(request.name)
         if robot is not None and robot.model.fixed_base and request.twist != Twist():
-            raise BadInput(f"{request.name} is held in the world: it takes a pose, but no twist")
+            raise BadInput(f"{request.name} has a fixed base: its pose can be set, but not its twist")
         frame = frame_state(world, request.reference_frame)
         place = to_world_pose(frame, pose_from_msg(request.pose))
         axes = frame.orientation if request.reference_frame else place.orientation
@@ -160,7 +160,7 @@ class SimulationServices:
         self._simulation.find(request.name).publishers.odometer.set_pose(request.x, request.y, request.yaw)
         self._simulation.publish_static_tf()
         return Done(
-            text=f"odometry of {request.name} is at ({request.x:g} m, {request.y:g} m, {request.yaw:g} rad) now"
+            text=f"odometry of {request.name} is now at ({request.x:g} m, {request.y:g} m, {request.yaw:g} rad)"
         )
 
 
@@ -212,7 +212,7 @@ class JointServices:
     def clear_effort(self, request: JointName) -> Done:
         """Clear the efforts on a joint."""
         joint = find_joint(self._world, request.model, request.joint_name)
-        return Done(text=f"{_count_jobs(self._controller(joint).clear_jobs(joint.name))} of {joint} dropped")
+        return Done(text=f"{_count_jobs(self._controller(joint).clear_jobs(joint.name))} of {joint} cleared")
 
     def properties(self, request: JointName) -> JointProperties:
         """Return the properties and the state of a joint."""
@@ -220,7 +220,7 @@ class JointServices:
         robot = self._simulation.find(joint.body)
         limits = read_joint_limits(robot.entry.model)[joint.name]
         actuation, body = robot.actuation, self._world.body(joint.body)
-        place, of_urdf = body.joints.index(joint.name), JointFriction(limits.damping, limits.friction)
+        index, of_urdf = body.joints.index(joint.name), JointFriction(limits.damping, limits.friction)
         readings = actuation.with_efforts(body.joint_readings())
         damping, friction = actuation.joint_friction.get(joint.name, of_urdf)
         return JointProperties(
@@ -233,18 +233,18 @@ class JointServices:
             upper=limits.upper,
             effort_limit=limits.effort,
             velocity_limit=limits.velocity,
-            position=readings.position[place],
-            rate=readings.velocity[place],
-            applied_effort=readings.effort[place],
+            position=readings.position[index],
+            rate=readings.velocity[index],
+            applied_effort=readings.effort[index],
             jobs=actuation.job_count(joint.name),
         )
 
     def set_configuration(self, request: SetConfiguration) -> JointState:
         """Set joint positions."""
         robot = self._simulation.find(request.model)
-        wanted = positions_by_joint(request.joint_names, request.joint_positions)
-        wanted = {find_joint(self._world, robot.name, joint).name: position for joint, position in wanted.items()}
-        robot.actuation.set_joints(wanted)
+        positions = positions_by_joint(request.joint_names, request.joint_positions)
+        positions = {find_joint(self._world, robot.name, joint).name: each for joint, each in positions.items()}
+        robot.actuation.set_joints(positions)
         body = self._world.body(robot.name)
         return joint_state(body.joints, body.joint_readings(), Header(stamp=Time.of(self._simulation.now)))
 
@@ -256,18 +256,18 @@ class JointServices:
             _tuple(each) for each in (request.wrench.force, request.wrench.torque, request.reference_point)
         )
         if any(abs(each) > MAX_FORCE for each in (*force, *torque)):
-            raise BadInput(f"force {force} N, torque {torque} N m: {MAX_FORCE:g} in each axis is the most")
+            raise BadInput(f"force {force} N, torque {torque} N m: the limit is {MAX_FORCE:g} in each axis")
         wrench = LinkWrench(force, torque, point, request.reference_frame)
         job, note = schedule_job(wrench, request.start_time.ns, request.duration, self._simulation.now, STEP_NS)
         self._simulation.wrenches.add(link, job)
         when = self._describe_time(request.start_time.ns, request.duration, note)
         held = self._simulation.find(link.body).model.fixed_base and link.name == self._world.body(link.body).links[0]
-        return Done(text=f"wrench on {link} {when}" + ("; it is held in the world and will not move" if held else ""))
+        return Done(text=f"wrench on {link} {when}" + ("; its base is fixed, so it will not move" if held else ""))
 
     def clear_wrench(self, request: LinkName) -> Done:
         """Clear the wrenches on a link."""
         link = find_link(self._world, request.link_name)
-        return Done(text=f"{_count_jobs(self._simulation.wrenches.clear(link))} of {link} dropped")
+        return Done(text=f"{_count_jobs(self._simulation.wrenches.clear(link))} of {link} cleared")
 
     def _controller(self, joint: ScopedName) -> JointEffortController:
         return self._simulation.find(joint.body).actuation.effort_controller(joint.name)
@@ -372,7 +372,7 @@ class PropertyServices:
             mode=params.mode,
             factor=self._time_mode.factor,
             pause=simulation.paused,
-            time_step=STEP_NS / 1e9,
+            time_step=STEP_S,
             gravity=Vector3(z=-GRAVITY),
             iterations=SOLVER_ITERATIONS,
             ground_friction=self._world_description.friction,

@@ -27,21 +27,18 @@ from services.sim.drive.controller import DiffDriveController
 from services.sim.drive.odometry import Odometer
 from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
-from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import Contact, World
 from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, WorldStatesPublisher
 from services.sim.robot import Robot
 from services.sim.robot_loader import on_the_ground
 from services.sim.robot_names import check_robot_names
+from services.sim.robot_topics import CONTROL_STEPS
 from services.sim.sensor_publishers import SensorSchedule
+from services.sim.snapshot import Snapshot
 from services.sim.tf import MovingTransforms, static_transforms
 from services.sim.transit_delay import TransitDelayEstimator
 
-CONTROL_STEPS = 4
-"""Physics steps between two reads of the commands, and between two clock messages: 50 Hz. In real time both happen more
-often where joint states are published faster, for the sake of their controllers (see ``input_steps``); in lockstep,
-inputs are also read whenever a member is due."""
 TF_STEPS = 8
 """Physics steps between two messages on ``/tf``, and of Gazebo's states: 25 Hz, the rate of odometry."""
 STATUS_STEPS = 40
@@ -105,8 +102,8 @@ class Simulation:
         return self.tick * STEP_NS
 
     @property
-    def steps_by_the_clock(self) -> bool:
-        """Whether the next step follows by itself: in real time, once time has begun, unless it is paused."""
+    def runs_by_wall_clock(self) -> bool:
+        """Whether time advances on its own: in real time, once it has started and is not paused."""
         return self._real_time and self.tick > 0 and not self.paused
 
     def find(self, name: str) -> Robot:
@@ -138,9 +135,12 @@ class Simulation:
             f"{joint} {most:.3g}" for joint, most in self.world.body(entry.name).limited_damping.items()
         )
         if limited:
-            notes = (*notes, f"damping of joints, cut to what a step carries (N m s/rad or N s/m): {limited}")
+            notes = (
+                *notes,
+                f"joint damping reduced to the largest stable value at this step (N m s/rad or N s/m): {limited}",
+            )
         if notes:
-            self._node.log.info(f"{entry.name}: of {display_name(entry.model)} is assumed: {'; '.join(notes)}")
+            self._node.log.info(f"{entry.name}: assumptions about {display_name(entry.model)}: {'; '.join(notes)}")
         self._regroup()
         self.publish_static_tf()
         return robot
@@ -172,16 +172,16 @@ class Simulation:
 
     def publish(self) -> None:
         """Publish what is due at this tick."""
-        self._update_readers()
-        moment = Moment(self.world, self.now, self.tick)
-        self._sensors.publish(moment)
-        self._motion.publish_joint_states(moment)
-        if moment.tick % CONTROL_STEPS == 0:
-            self._publish_motion(moment)
-        if moment.tick % self.input_steps == 0:
+        self._update_subscriptions()
+        snapshot = Snapshot(self.world, self.now, self.tick)
+        self._sensors.publish(snapshot)
+        self._motion.publish_joint_states(snapshot)
+        if snapshot.tick % CONTROL_STEPS == 0:
+            self._publish_motion(snapshot)
+        if snapshot.tick % self.input_steps == 0:
             self.publish_clock()
 
-    def _update_readers(self) -> None:
+    def _update_subscriptions(self) -> None:
         """Update which topics have subscribers, if that may have changed."""
         self.subscriptions.update()
         version = self.subscriptions.changes, self._node.version, self._node.transport.readers_version
@@ -189,26 +189,26 @@ class Simulation:
             return
         self._readers_version = version
         self.subscriptions.mark(self._node.publishers)
-        self._sensors.update_readers()
-        self._motion.update_readers([robot.publishers for robot in self.robots])
+        self._sensors.update_subscriptions()
+        self._motion.update_subscriptions([robot.publishers for robot in self.robots])
 
-    def _publish_motion(self, moment: Moment) -> None:
-        robots, tick = self.robots, moment.tick
+    def _publish_motion(self, snapshot: Snapshot) -> None:
+        robots, tick = self.robots, snapshot.tick
         self._update_contacts()
-        angles = moment.joint_rows(tuple(self._counting))[0].tolist()
+        angles = snapshot.joint_rows(tuple(self._counting))[0].tolist()
         end = 0
         for odometer in self._counting.values():
             start, end = end, end + odometer.joint_count
-            odometer.update_from_encoders(moment.now, angles[start:end])
-        self._motion.publish(moment)
+            odometer.update_from_encoders(snapshot.now, angles[start:end])
+        self._motion.publish(snapshot)
         if tick % STATUS_STEPS == 0:
             for robot in robots:
-                robot.publish_status(moment.now)
-        self._world_states.publish(moment.now, tick)
+                robot.publish_status(snapshot.now)
+        self._world_states.publish(snapshot.now, tick)
         if tick % TF_STEPS == 0:
-            self._gazebo_states.publish(moment)
+            self._gazebo_states.publish(snapshot)
             if self._tf_publisher.has_subscribers:
-                for payload in self._transforms.encode(moment):
+                for payload in self._transforms.encode(snapshot):
                     self._tf_publisher.publish_encoded(payload)
 
     def publish_static_tf(self) -> None:
@@ -233,8 +233,8 @@ class Simulation:
         self._node.update_subscribers(watermarks)
         self._lost_publishers += self._command_sources.lost_publishers()
         self._apply_stops()
-        for carry_out in self.commands:
-            carry_out()
+        for apply in self.commands:
+            apply()
         lockstep_members = watermarks.members if watermarks is not None else set()
         lost, self._lost_publishers = self._lost_publishers, []
         if watermarks is not None and watermarks.lost_members:

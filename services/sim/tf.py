@@ -18,9 +18,9 @@ from messages.template import Template
 from messages.tf import EncodedSplit, TFMessage, transform_size
 from models.urdf import Joint, read_joints
 from services.sim.drive.odometry import OdometrySample
-from services.sim.moment import Moment
 from services.sim.robot import Robot
 from services.sim.robot_names import WORLD_FRAME, robot_links
+from services.sim.snapshot import Snapshot
 from services.sim.template_groups import GroupEncoder, TemplateGroup
 
 
@@ -58,14 +58,14 @@ class _TransformTemplate:
 class _RobotFrames:
     """The moving frames of a robot: its base, and its joints if the simulation publishes them.
 
-    ``places`` are the indices of the joints in the body's joint readings.
+    ``indices`` are the indices of the joints in the body's joint readings.
     """
 
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
         self.robot, prefix, self.joint_count = robot, robot.frame_prefix, len(joints)
-        places = {name: place for place, name in enumerate(joints)}
-        self.joints = [each for each in _published_joints(robot) if each.name in places]
-        self.places = [places[each.name] for each in self.joints]
+        indices = {name: index for index, name in enumerate(joints)}
+        self.joints = [each for each in _published_joints(robot) if each.name in indices]
+        self.indices = [indices[each.name] for each in self.joints]
         self.of_joints = [_TransformTemplate(prefix + each.parent, prefix + each.child) for each in self.joints]
         base = _extra_frame(robot) or robot.model.base_frame
         self.of_base = _TransformTemplate(prefix + robot.model.odom_frame, prefix + base)
@@ -95,13 +95,13 @@ class MovingTransforms:
         del self._frames[name]
         self._based = None
 
-    def encode(self, moment: Moment) -> list[bytes]:
+    def encode(self, snapshot: Snapshot) -> list[bytes]:
         """Return the encoded messages of the current transforms; a base's is stamped with its last odometry."""
         odometries = {each: odometry for each in self._frames.values() if (odometry := each.odometry) is not None}
         if (based := list(odometries)) != self._based:
             self._arrange(based)
-        transforms = self._encode_bases(odometries) + self._encode_joints(moment)
-        return self._messages.join([transforms[place] for place in self._order])
+        transforms = self._encode_bases(odometries) + self._encode_joints(snapshot)
+        return self._messages.join([transforms[index] for index in self._order])
 
     def _arrange(self, based: list[_RobotFrames]) -> None:
         """Arrange the transforms of these bases and of all joints, those of one robot next to each other."""
@@ -109,7 +109,7 @@ class MovingTransforms:
         self._jointed = tuple(each.robot.name for each in frames if each.joints)
         self._joints = JointTransforms([joint for each in frames for joint in each.joints])
         self._joint_encoder = TemplateGroup([link.template for each in frames for link in each.of_joints])
-        self._joint_places = list[int]()
+        self._joint_indices = list[int]()
         """Indices of these joints among all joints of their robots."""
         self._order = list[int]()
         sizes, base, joint, angles = list[int](), 0, len(based), 0
@@ -120,7 +120,7 @@ class MovingTransforms:
                 base += 1
             self._order += range(joint, joint + len(each.joints))
             sizes += [link.size for link in each.of_joints]
-            self._joint_places += [angles + place for place in each.places]
+            self._joint_indices += [angles + index for index in each.indices]
             joint, angles = joint + len(each.joints), angles + (each.joint_count if each.joints else 0)
         self._messages = EncodedSplit(sizes)
 
@@ -135,9 +135,9 @@ class MovingTransforms:
             encoded.update(zip(alike, payloads, strict=True))
         return [encoded[each] for each in odometries]
 
-    def _encode_joints(self, moment: Moment) -> list[bytes]:
-        positions = moment.joint_rows(self._jointed)[0][self._joint_places]
-        return self._joint_encoder.encode(moment.stamp, self._joints.poses(positions.tolist()))
+    def _encode_joints(self, snapshot: Snapshot) -> list[bytes]:
+        positions = snapshot.joint_rows(self._jointed)[0][self._joint_indices]
+        return self._joint_encoder.encode(snapshot.stamp, self._joints.poses(positions.tolist()))
 
 
 class JointTransforms:
@@ -156,9 +156,9 @@ class JointTransforms:
         # Python's sine and cosine: numpy's differ in the last digit between processors.
         sine = np.array([math.sin(each / 2) for each in positions])
         cosine = np.array([math.cos(each / 2) for each in positions])
-        turn = (*(sine * self._axes), np.where(self._axes.any(axis=0), cosine, 1.0))
-        place = self._xyz + np.array(positions) * self._slides
-        return np.concatenate((place, quaternion_multiply(self._mounts, turn))).T
+        rotation = (*(sine * self._axes), np.where(self._axes.any(axis=0), cosine, 1.0))
+        position = self._xyz + np.array(positions) * self._slides
+        return np.concatenate((position, quaternion_multiply(self._mounts, rotation))).T
 
 
 def _extra_frame(robot: Robot) -> str | None:

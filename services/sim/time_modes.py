@@ -11,10 +11,13 @@ from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.node import Node
-from services.sim.simulation import CONTROL_STEPS, Simulation
+from services.sim.robot_topics import CONTROL_STEPS
+from services.sim.simulation import Simulation
 
 MAX_LAG_S = 0.1
 """Wall time by which real time may lag; beyond it, the lag is dropped instead of made up for."""
+MAX_SLEEP_S = 0.1
+"""Longest sleep in one wait: at a low factor, a tick takes seconds of wall time."""
 
 
 class TimeMode(Protocol):
@@ -45,7 +48,7 @@ class TimeMode(Protocol):
         """Block until this tick may be taken.
 
         Returns:
-            False if ``interrupted`` became true first; the next call continues the wait.
+            False if ``interrupted`` became true first, or after MAX_SLEEP_S; the next call continues the wait.
         """
         ...
 
@@ -84,6 +87,10 @@ class RealTime:
 
     def wait(self, interrupted: Callable[[], bool]) -> bool:
         ahead = self._wall_start + (self._simulation.now - self._sim_start) / 1e9 / self.factor - time.monotonic()
+        if ahead > MAX_SLEEP_S:
+            # The loop answers requests and heartbeats in between.
+            time.sleep(MAX_SLEEP_S)
+            return False
         if ahead > 0:
             time.sleep(ahead)
         elif ahead < -MAX_LAG_S:

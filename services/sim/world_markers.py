@@ -16,13 +16,13 @@ from models.world import WorldBody, WorldDescription
 
 GROUND_MARGIN = 1.0
 """m; margin of the drawn ground around the outermost bodies."""
-LEAST_GROUND = 20.0
+MIN_GROUND = 20.0
 """m; minimum side of the drawn ground, around the origin or the bodies."""
 MAP_ROWS = 50
 """Rows and columns that a height map is drawn with."""
-MOST_TRIANGLES = 5000
+MAX_TRIANGLES = 5000
 """Per marker; a larger mesh is drawn from its file, or as its bounding box."""
-MOST_POINTS = 150_000
+MAX_POINTS = 150_000
 """For all markers together: further bodies are drawn as boxes, to keep the message below the topic's maximum size."""
 
 _GROUND_THICKNESS = 0.01
@@ -42,7 +42,7 @@ def world_markers(world: WorldDescription) -> MarkerArray:
     markers: list[Marker] = []
     points = 0
     for body in world.all_bodies:
-        for marker in _body_markers(body, points < MOST_POINTS):
+        for marker in _body_markers(body, points < MAX_POINTS):
             points += len(marker.points)
             number = len(markers) + 1
             markers.append(_with_id(marker, number))
@@ -73,7 +73,7 @@ def _part_marker(body: WorldBody, part: BodyPart, pose: Pose3, triangles: bool) 
             return _marker(body, Marker.CYLINDER, pose, Vector3(x=2 * radius, y=2 * radius, z=length), colour)
         case SphereShape(radius):
             return _marker(body, Marker.SPHERE, pose, Vector3(x=2 * radius, y=2 * radius, z=2 * radius), colour)
-        case MeshShape(mesh, file, (x, y, z)) if file is not None and len(mesh.triangles) > MOST_TRIANGLES // 10:
+        case MeshShape(mesh, file, (x, y, z)) if file is not None and len(mesh.triangles) > MAX_TRIANGLES // 10:
             return _marker(
                 body, Marker.MESH_RESOURCE, pose, Vector3(x=x, y=y, z=z), colour, mesh_resource=file.resolve().as_uri()
             )
@@ -93,7 +93,7 @@ def _compound_marker(body: WorldBody, parts: list[BodyPart], triangles: bool) ->
 
 def _small(mesh: Mesh, triangles: bool) -> Mesh:
     """Return the mesh, or its bounding box if it has too many triangles."""
-    if triangles and len(mesh.triangles) <= MOST_TRIANGLES:
+    if triangles and len(mesh.triangles) <= MAX_TRIANGLES:
         return mesh
     low, high = mesh.bounds
     box = shape_mesh(BoxShape(tuple((high - low).tolist())))
@@ -158,7 +158,7 @@ def _ground(world: WorldDescription) -> Marker:
 
 
 def _extent(intervals: list[tuple[float, float]]) -> tuple[float, float]:
-    """Return the interval [m] that contains all, at least LEAST_GROUND long."""
+    """Return the interval [m] that contains all, at least MIN_GROUND long."""
     low, high = min((each[0] for each in intervals), default=0.0), max((each[1] for each in intervals), default=0.0)
-    missing = max(0.0, LEAST_GROUND - (high - low)) / 2
+    missing = max(0.0, MIN_GROUND - (high - low)) / 2
     return low - missing, high + missing

@@ -22,13 +22,13 @@ class SquareController:
         """Change the parameters but keep the square."""
         self._params = parameters
 
-    def step(self, time: int, here: Pose2, moving: Twist2, dt: float) -> StepResult:
+    def step(self, time: int, here: Pose2, velocity: Twist2, dt: float) -> StepResult:
         """Run one control tick.
 
         Args:
             time: Simulation time [ns].
             here: Measured pose.
-            moving: Measured velocity.
+            velocity: Measured velocity.
             dt: Time since the last tick [s].
         """
         if self.square is None:
@@ -38,10 +38,10 @@ class SquareController:
             else:
                 self._profile_state = profile.ProfileState(self.square)
         if self._tutorial_state is not None:
-            self._tutorial_state, self._last = tutorial.step(self._tutorial_state, time, here, moving, self._params)
+            self._tutorial_state, self._last = tutorial.step(self._tutorial_state, time, here, velocity, self._params)
         elif self._profile_state is not None:
-            course = profile.resume(self._profile_state, here) if self._held else self._profile_state
-            self._profile_state, self._last = profile.step(course, here, moving, self._params, dt)
+            state = profile.resume(self._profile_state, here) if self._held else self._profile_state
+            self._profile_state, self._last = profile.step(state, here, velocity, self._params, dt)
         self._held = False
         return self._last
 

@@ -12,7 +12,7 @@ from messages.se2 import Pose2, wrap
 from services.runtime.errors import BadInput
 
 MAX_SAMPLES = 64
-"""Number of samples kept: more than a second of them."""
+"""Maximum number of samples kept, which covers more than a second."""
 
 
 class TruthBuffer:
@@ -94,7 +94,7 @@ class CsvLog:
             self.error = str(error.strerror)
         self._write(COLUMNS)
 
-    def add_row(self, time: int, desired: Pose2, actual: Pose2, truth: Pose2 | None, corner: int, doing: str) -> None:
+    def add_row(self, time: int, desired: Pose2, actual: Pose2, truth: Pose2 | None, corner: int, phase: str) -> None:
         """Write a row, at most one per tenth of a second.
 
         Args:
@@ -103,7 +103,7 @@ class CsvLog:
             actual: Pose by odometry.
             truth: True pose in the world frame, if known; the first one is aligned with odometry.
             corner: Index of the corner that the robot drives to.
-            doing: Phase of the control law.
+            phase: Phase of the control law.
         """
         if time // PERIOD_NS == self._row:
             return
@@ -117,7 +117,7 @@ class CsvLog:
             if truth is None or self._truth_to_odom is None
             else _error_columns(desired, actual, self._truth_to_odom, truth)
         )
-        self._write((*cells, str(corner), doing))
+        self._write((*cells, str(corner), phase))
 
     def _write(self, cells: tuple[str, ...]) -> None:
         assert self._file is not None
@@ -136,9 +136,9 @@ class CsvLog:
         )
 
 
-def _error_columns(desired: Pose2, actual: Pose2, placed: Pose2, truth: Pose2) -> list[str]:
-    true = placed @ truth
-    figures = (
+def _error_columns(desired: Pose2, actual: Pose2, truth_to_odom: Pose2, truth: Pose2) -> list[str]:
+    true = truth_to_odom @ truth
+    columns = (
         true.x,
         true.y,
         wrap(true.yaw),
@@ -147,4 +147,4 @@ def _error_columns(desired: Pose2, actual: Pose2, placed: Pose2, truth: Pose2) -
         math.hypot(actual.x - true.x, actual.y - true.y),
         wrap(actual.yaw - true.yaw),
     )
-    return [repr(each) for each in figures]
+    return [repr(each) for each in columns]

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from messages.elea import GoalStatus
 from messages.geometry import STOP, PoseStamped, Twist
-from messages.nav import Odometry
 from messages.nav import Path as Plan
-from messages.se2 import Pose2, Twist2, wrap
+from messages.se2 import Pose2, wrap
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
+from services.driving.plan import pose_and_twist
 from services.runtime.context import Context
 from services.square import SquareParameters
 from services.square.controller import SquareController
@@ -23,11 +23,11 @@ from services.square.csv_log import CsvLog, TruthBuffer
 
 def run(ctx: Context[SquareParameters]) -> None:
     """Drive the square, then hold the robot until asked to stop; the last command is STOP."""
-    with _open_log(ctx.params) as record:
-        _drive(ctx, record)
+    with _open_log(ctx.params) as csv_log:
+        _drive(ctx, csv_log)
 
 
-def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
+def _drive(ctx: Context[SquareParameters], csv_log: CsvLog | None) -> None:
     odom, truth = ctx.latest(ODOM), ctx.stream(GROUND_TRUTH)
     commands, plans, states = ctx.advertise(CMD_VEL), ctx.advertise(PLAN), ctx.advertise(STATUS)
     frame = f"{ctx.namespace.strip('/')}/odom".lstrip("/")
@@ -41,8 +41,8 @@ def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
             header = Header(stamp=Time.of(tick.time), frame_id=frame)
             if tick.reset:
                 controller, truth_buffer, shown, silence = SquareController(ctx.params), TruthBuffer(), None, 0.0
-                if record is not None:
-                    record.reset()
+                if csv_log is not None:
+                    csv_log.reset()
             elif ctx.params_changed:
                 controller.reconfigure(ctx.params)
             for sample in truth.drain():
@@ -57,33 +57,33 @@ def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
                     every=5,
                 )
             latched = controller.square
-            move = controller.hold() if now is None else controller.step(tick.time, *pose_and_twist(now), tick.dt)
+            result = controller.hold() if now is None else controller.step(tick.time, *pose_and_twist(now), tick.dt)
             if controller.square is not None and controller.square is not latched:
                 plans.publish(path_message(controller.square, header))
                 start = controller.square.start
                 ctx.log.info(f"start latched at ({start.x:.3f}, {start.y:.3f}) m, {math.degrees(start.yaw):.2f} deg")
-            if move.command is not None:
-                commands.publish(Twist.planar(move.command.v, move.command.w))
+            if result.command is not None:
+                commands.publish(Twist.planar(result.command.v, result.command.w))
             # As in the tutorial, the log ends with the square.
-            if now is not None and record is not None and move.state != "finished":
+            if now is not None and csv_log is not None and result.state != "finished":
                 actual, stamp = pose_and_twist(now)[0], now.header.stamp.ns
-                record.add_row(tick.time, move.desired, actual, truth_buffer.at(stamp), move.index, move.phase)
-                if record.error is not None:
-                    ctx.log.error(f"the log {record.path} ends here, it cannot be written: {record.error}")
-                    record = None
-            if move.phase == "astray":
+                csv_log.add_row(tick.time, result.desired, actual, truth_buffer.at(stamp), result.index, result.phase)
+                if csv_log.error is not None:
+                    ctx.log.error(f"the log {csv_log.path} ends here, it cannot be written: {csv_log.error}")
+                    csv_log = None
+            if result.phase == "astray":
                 ctx.log.warn("the robot is far from its square, standing still: has it been moved?", every=5)
-            elif move.timed_out:
+            elif result.timed_out:
                 ctx.log.warn(
-                    f"corner {move.index} not met within the tolerances for {ctx.params.patience:g} s, going on: "
+                    f"corner {result.index} not met within the tolerances after {ctx.params.patience:g} s, continuing: "
                     "is the robot blocked, or is the tolerance below what its base can resolve?"
                 )
-            if shown != (move.state, move.index) and controller.square is not None:
-                shown = move.state, move.index
+            if shown != (result.state, result.index) and controller.square is not None:
+                shown = result.state, result.index
                 states.publish(
-                    status_message(move, controller.square, None if now is None else pose_and_twist(now)[0], header)
+                    status_message(result, controller.square, None if now is None else pose_and_twist(now)[0], header)
                 )
-                if move.state == "finished" and now is not None:
+                if result.state == "finished" and now is not None:
                     ctx.log.info(_closure_text(controller.square, pose_and_twist(now)[0]))
     finally:
         commands.publish(STOP)
@@ -94,13 +94,8 @@ def _open_log(p: SquareParameters) -> Iterator[CsvLog | None]:
     if not p.log:
         yield None
         return
-    with CsvLog(Path(p.log).absolute()) as record:
-        yield record
-
-
-def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
-    """Return the planar pose and velocity of an odometry message."""
-    return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
+    with CsvLog(Path(p.log).absolute()) as csv_log:
+        yield csv_log
 
 
 def path_message(square: Square, header: Header) -> Plan:
@@ -109,13 +104,13 @@ def path_message(square: Square, header: Header) -> Plan:
     return Plan(header=header, poses=tuple(corners))
 
 
-def status_message(move: StepResult, square: Square, here: Pose2 | None, header: Header) -> GoalStatus:
+def status_message(result: StepResult, square: Square, here: Pose2 | None, header: Header) -> GoalStatus:
     """Return the progress as a message; if endless, the index restarts with each round."""
-    corner = square.corner(move.index)
+    corner = square.corner(result.index)
     return GoalStatus(
         header=header,
-        state=move.state,
-        index=move.index if square.corner_count else move.index % SIDES,
+        state=result.state,
+        index=result.index if square.corner_count else result.index % SIDES,
         count=square.corner_count or SIDES,
         goal=corner.wrapped.to_msg(),
         distance=0.0 if here is None else math.hypot(corner.x - here.x, corner.y - here.y),

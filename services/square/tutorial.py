@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
-from services.runtime.step import STEP_NS
+from services.driving.guidance import STANDSTILL
+from services.runtime.step import STEP_NS, STEP_S
 from services.square import SERVICE, SquareParameters
 from services.square.corners import Square, State, StepResult
-from services.square.profile import STANDSTILL
 
 PERIOD_NS = 100_000_000
 """Period of its loop and of its odometry [ns]."""
@@ -52,67 +52,72 @@ class TutorialState:
 
 
 def step(
-    now: TutorialState, time: int, here: Pose2, moving: Twist2, p: SquareParameters
+    state: TutorialState, time: int, here: Pose2, velocity: Twist2, p: SquareParameters
 ) -> tuple[TutorialState, StepResult]:
     """Return the state and result at ``time`` [ns]; between two periods of the loop, the result has no command."""
-    if (sampled := time // PERIOD_NS) != now.sample_index:
-        now = replace(now, last_odometry=here, sample_index=sampled)
+    if (sampled := time // PERIOD_NS) != state.sample_index:
+        state = replace(state, last_odometry=here, sample_index=sampled)
     acted = (time - round(p.phase * 1e9)) // PERIOD_NS
-    if acted == now.action_index:
-        return now, StepResult(
-            "finished" if now.finished else "driving", None, _index(now), _desired(now, p), _phase(now)
+    if acted == state.action_index:
+        return state, StepResult(
+            "finished" if state.finished else "driving", None, _index(state), _desired(state, p), _phase(state)
         )
-    now = replace(now, action_index=acted)
-    if now.sides_done == now.square.corner_count:
-        standing = abs(moving.v) <= STANDSTILL.v and abs(moving.w) <= STANDSTILL.w
-        now = replace(now, command=ZERO_TWIST, finished=now.finished or standing)
-        done: State = "finished" if now.finished else "driving"
-        return now, StepResult(done, ZERO_TWIST, _index(now), _desired(now, p), _phase(now))
-    before = now.sides_done
-    now = _act(now, p)
-    reached = now.sides_done > before
-    state: State = "reached" if reached else "driving"
-    return now, StepResult(
-        state, now.command, now.sides_done - 1 if reached else now.sides_done, _desired(now, p), _phase(now)
+    state = replace(state, action_index=acted)
+    if state.sides_done == state.square.corner_count:
+        standing = abs(velocity.v) <= STANDSTILL.v and abs(velocity.w) <= STANDSTILL.w
+        state = replace(state, command=ZERO_TWIST, finished=state.finished or standing)
+        progress: State = "finished" if state.finished else "driving"
+        return state, StepResult(progress, ZERO_TWIST, _index(state), _desired(state, p), _phase(state))
+    before = state.sides_done
+    state = _act(state, p)
+    reached = state.sides_done > before
+    progress = "reached" if reached else "driving"
+    return state, StepResult(
+        progress,
+        state.command,
+        state.sides_done - 1 if reached else state.sides_done,
+        _desired(state, p),
+        _phase(state),
     )
 
 
-def _act(now: TutorialState, p: SquareParameters) -> TutorialState:
+def _act(state: TutorialState, p: SquareParameters) -> TutorialState:
     """Run the tutorial's loop once."""
-    seen = now.last_odometry
-    if not now.rotating:
-        if math.hypot(seen.x - now.side_start.x, seen.y - now.side_start.y) < p.side - DISTANCE_THRESHOLD:
-            return replace(now, command=Twist2(p.linear_speed, 0.0))
+    seen = state.last_odometry
+    if not state.rotating:
+        if math.hypot(seen.x - state.side_start.x, seen.y - state.side_start.y) < p.side - DISTANCE_THRESHOLD:
+            return replace(state, command=Twist2(p.linear_speed, 0.0))
         return replace(
-            now, command=ZERO_TWIST, rotating=True, side_start=seen, target_heading=wrap(seen.yaw + math.pi / 2)
+            state, command=ZERO_TWIST, rotating=True, side_start=seen, target_heading=wrap(seen.yaw + math.pi / 2)
         )
-    error = wrap(now.target_heading - seen.yaw)
+    error = wrap(state.target_heading - seen.yaw)
     if abs(error) > ANGLE_THRESHOLD:
-        return replace(now, command=Twist2(0.0, math.copysign(p.angular_speed, error)))
-    return replace(now, command=ZERO_TWIST, rotating=False, sides_done=now.sides_done + 1, side_start=seen)
+        return replace(state, command=Twist2(0.0, math.copysign(p.angular_speed, error)))
+    return replace(state, command=ZERO_TWIST, rotating=False, sides_done=state.sides_done + 1, side_start=seen)
 
 
-def _desired(now: TutorialState, p: SquareParameters) -> Pose2:
+def _desired(state: TutorialState, p: SquareParameters) -> Pose2:
     """Return the desired pose as the tutorial logs it: the end of the side, or the target heading while turning."""
-    if now.rotating:
-        return Pose2(now.last_odometry.x, now.last_odometry.y, now.target_heading)
-    yaw = now.side_start.yaw
+    if state.rotating:
+        return Pose2(state.last_odometry.x, state.last_odometry.y, state.target_heading)
+    yaw = state.side_start.yaw
     return Pose2(
-        now.side_start.x + p.side * math.cos(yaw), now.side_start.y + p.side * math.sin(yaw), now.last_odometry.yaw
+        state.side_start.x + p.side * math.cos(yaw),
+        state.side_start.y + p.side * math.sin(yaw),
+        state.last_odometry.yaw,
     )
 
 
-def _index(now: TutorialState) -> int:
-    return now.sides_done - 1 if now.sides_done == now.square.corner_count else now.sides_done
+def _index(state: TutorialState) -> int:
+    return state.sides_done - 1 if state.sides_done == state.square.corner_count else state.sides_done
 
 
-def _phase(now: TutorialState) -> str:
-    if now.sides_done == now.square.corner_count:
+def _phase(state: TutorialState) -> str:
+    if state.sides_done == state.square.corner_count:
         return "done"
-    return "ROTATE" if now.rotating else "MOVE_FORWARD"
+    return "ROTATE" if state.rotating else "MOVE_FORWARD"
 
 
-STEP_S = STEP_NS / 1e9
 MAX_DURATION_S = 3600.0
 
 BaseStep = Callable[[Twist2], Twist2]
@@ -135,16 +140,18 @@ def predict(p: SquareParameters, base: BaseStep) -> Prediction | None:
     tick = round(1 / SERVICE.rate / STEP_S)
     rounds = p.count or 1
     loop = TutorialState.at_start(Square(Pose2(0.0, 0.0), p.side, rounds))
-    here, moving, wanted = Pose2(0.0, 0.0), ZERO_TWIST, ZERO_TWIST
+    here, velocity, command = Pose2(0.0, 0.0), ZERO_TWIST, ZERO_TWIST
     for number in range(round(MAX_DURATION_S / STEP_S)):
         if number % tick == 0:
-            loop, move = step(loop, number * STEP_NS, here, moving, p)
-            wanted = move.command or wanted
-            if move.state == "finished":
+            loop, result = step(loop, number * STEP_NS, here, velocity, p)
+            command = result.command or command
+            if result.state == "finished":
                 return Prediction(math.hypot(here.x, here.y), here.yaw - rounds * math.tau)
-        moving = base(wanted)
-        middle, ahead = here.yaw + moving.w * STEP_S / 2, moving.v * STEP_S
-        here = Pose2(here.x + ahead * math.cos(middle), here.y + ahead * math.sin(middle), here.yaw + moving.w * STEP_S)
+        velocity = base(command)
+        middle, ahead = here.yaw + velocity.w * STEP_S / 2, velocity.v * STEP_S
+        here = Pose2(
+            here.x + ahead * math.cos(middle), here.y + ahead * math.sin(middle), here.yaw + velocity.w * STEP_S
+        )
     return None
 
 
@@ -153,6 +160,6 @@ def overrun(base: BaseStep, w: float) -> float:
     for _ in range(round(60 / STEP_S)):
         base(Twist2(0.0, w))
     angle = 0.0
-    while (moving := base(ZERO_TWIST)).w:
-        angle += moving.w * STEP_S
+    while (velocity := base(ZERO_TWIST)).w:
+        angle += velocity.w * STEP_S
     return angle

@@ -24,7 +24,7 @@ class StateParameters(Parameters):
     model: str = param("", text="Name of a model in models/, or path of a robot; empty to use urdf.", live=False)
     urdf: str = param("", text="URDF file; empty to use the latched topic robot_description.", live=False)
     frame_prefix: str | None = param(
-        None, text="Prefix of all frames without a leading slash; the namespace by default.", live=False
+        None, text="Prefix of frames, except links named with a leading slash; the namespace by default.", live=False
     )
     publish_frequency: Annotated[
         float,
@@ -37,7 +37,7 @@ class StateParameters(Parameters):
     )
 
     publish_transforms: bool = param(
-        True, text="Publish the transforms of links; otherwise merged joint states alone.", live=False
+        True, text="Publish the transforms of links; otherwise only merged joint states.", live=False
     )
     source_list: tuple[str, ...] = param(
         (), text="Topics with partial joint states to merge into joint_states.", live=False

@@ -19,8 +19,8 @@ _DEPENDENT = re.compile(rf"([^=*\s]+)=([^=*+\s]+?)(?:\*([+-]?{_NUMBER}))?([+-]{_
 class FreeJoint:
     """State of one independent joint; None if no source has it. ``forward`` is the direction of ``delta``."""
 
-    def __init__(self, low: float, high: float, turns: bool) -> None:
-        self.low, self.high, self.continuous = low, high, turns
+    def __init__(self, low: float, high: float, continuous: bool) -> None:
+        self.low, self.high, self.continuous = low, high, continuous
         self.position: float | None = None
         self.velocity: float | None = None
         self.effort: float | None = None
@@ -43,24 +43,24 @@ class JointStateMerger:
                 if each.name in zeros:
                     raise BadUrdf(f"zeros: joint {each.name!r} follows {self._dependencies[each.name].joint!r}")
                 continue
-            reading = self._free[each.name] = FreeJoint(*joint_limits(each, params.use_smallest_joint_limits))
+            joint = self._free[each.name] = FreeJoint(*joint_limits(each, params.use_smallest_joint_limits))
             zero = zeros.get(each.name)
-            if zero is not None and not reading.low <= zero <= reading.high:
-                raise BadUrdf(f"zeros: {each.name} = {zero:g} is outside {reading.low:g} to {reading.high:g}")
-            self._set_defaults(reading, zero)
+            if zero is not None and not joint.low <= zero <= joint.high:
+                raise BadUrdf(f"zeros: {each.name} = {zero:g} is outside {joint.low:g} to {joint.high:g}")
+            self._set_defaults(joint, zero)
 
     def add(self, state: JointState) -> None:
         """Merge a joint state; the newest value of a joint counts, unknown names are ignored."""
         for index, name in enumerate(state.name):
-            if (reading := self._free.get(name)) is None:
+            if (joint := self._free.get(name)) is None:
                 continue
-            reading.reported = True
+            joint.reported = True
             if state.position:
-                reading.position = state.position[index]
+                joint.position = state.position[index]
             if state.velocity:
-                reading.velocity = state.velocity[index]
+                joint.velocity = state.velocity[index]
             if state.effort:
-                reading.effort = state.effort[index]
+                joint.effort = state.effort[index]
 
     def merged(self, now: int) -> JointState | None:
         """Return the merged joint state at ``now`` [ns]; None while no position is known.
@@ -83,37 +83,37 @@ class JointStateMerger:
     def step_defaults(self) -> None:
         """Move the joints without a source by ``delta``, back and forth between their limits."""
         step = self._params.delta
-        for reading in self._free.values():
-            if reading.reported or reading.position is None or not step:
+        for joint in self._free.values():
+            if joint.reported or joint.position is None or not step:
                 continue
-            reading.position += step if reading.forward else -step
-            if reading.continuous:
-                reading.position = math.remainder(reading.position, math.tau)
-            elif not reading.low < reading.position < reading.high:
-                reading.position = min(max(reading.position, reading.low), reading.high)
-                reading.forward = not reading.forward
+            joint.position += step if joint.forward else -step
+            if joint.continuous:
+                joint.position = math.remainder(joint.position, math.tau)
+            elif not joint.low < joint.position < joint.high:
+                joint.position = min(max(joint.position, joint.low), joint.high)
+                joint.forward = not joint.forward
 
-    def _set_defaults(self, reading: FreeJoint, zero: float | None) -> None:
+    def _set_defaults(self, joint: FreeJoint, zero: float | None) -> None:
         p = self._params
         if p.publish_default_positions:
-            middle = (reading.low + reading.high) / 2 if reading.low > 0 or reading.high < 0 else 0.0
-            reading.position = middle if zero is None else zero
-        reading.velocity = 0.0 if p.publish_default_velocities else None
-        reading.effort = 0.0 if p.publish_default_efforts else None
+            middle = (joint.low + joint.high) / 2 if joint.low > 0 or joint.high < 0 else 0.0
+            joint.position = middle if zero is None else zero
+        joint.velocity = 0.0 if p.publish_default_velocities else None
+        joint.effort = 0.0 if p.publish_default_efforts else None
 
     def _row(self, name: str) -> tuple[str, float, float | None, float | None] | None:
         """Return name, position, velocity and effort of a joint, through the joints that it follows."""
         factor, offset, source = 1.0, 0.0, name
         while (mimic := self._dependencies.get(source)) is not None:
             offset, factor, source = offset + factor * mimic.offset, factor * mimic.factor, mimic.joint
-        reading = self._free[source]
-        if reading.position is None:
+        joint = self._free[source]
+        if joint.position is None:
             return None
-        position = factor * reading.position + offset
-        velocity = None if reading.velocity is None else factor * reading.velocity
+        position = factor * joint.position + offset
+        velocity = None if joint.velocity is None else factor * joint.velocity
         if not abs(position) <= LARGEST or not abs(velocity or 0.0) <= LARGEST:
             return None
-        return name, position, velocity, reading.effort
+        return name, position, velocity, joint.effort
 
 
 def joint_limits(joint: Joint, smallest: bool) -> tuple[float, float, bool]:
@@ -138,7 +138,7 @@ def _parse_zero(text: str, names: Iterable[str]) -> tuple[str, float]:
     except ValueError:
         zero = math.nan
     if not math.isfinite(zero):
-        raise BadUrdf(f"zeros: {text!r} is not joint=number, as elbow=0.5")
+        raise BadUrdf(f"zeros: {text!r} is not joint=number, e.g. elbow=0.5")
     return _check_joint(name, names, "zeros"), zero
 
 

@@ -68,10 +68,10 @@ class LinkTransforms:
         due = [each for name, each in self._moving.items() if name in positions and self._is_due(name, stamp)]
         for each in due:
             self._last[each.name] = min(stamp, now + MAX_AHEAD_NS)
-        complaint = ""
+        warning = ""
         if stamp < now - MAX_AGE_NS:
-            complaint = f"the joint state is {(now - stamp) / 1e9:.1f} s old: does its sender follow simulation time?"
-        return TransformResult(tuple(self._transform(each, positions[each.name], stamp) for each in due), complaint)
+            warning = f"the joint state is {(now - stamp) / 1e9:.1f} s old: does its sender follow simulation time?"
+        return TransformResult(tuple(self._transform(each, positions[each.name], stamp) for each in due), warning)
 
     def _is_due(self, name: str, stamp: int) -> bool:
         last = self._last.get(name)

@@ -12,7 +12,7 @@ from models.robot_source import resolve_robot
 from models.urdf import BadUrdf
 from models.urdf import read_urdf as read_urdf_file
 from services.runtime.context import Context
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, list_names
 from services.runtime.transport.wire import SampleInfo
 from services.state import StateParameters
 from services.state.robot_state_publisher import RobotStatePublisher
@@ -52,10 +52,10 @@ def run(ctx: Context[StateParameters]) -> None:
     """Publish link transforms until asked to stop."""
     robots = make_robots(ctx)
     if not ctx.params.publish_transforms:
-        _merge_alone(ctx, robots)
+        _merge_only(ctx, robots)
         return
     moving, fixed = ctx.advertise(TF), ctx.advertise(TF_STATIC)
-    others, neighbours = ctx.node.subscribe(TF_STATIC), OtherPublishers(fixed.publisher)
+    static_transforms, other_publishers = ctx.node.subscribe(TF_STATIC), OtherPublishers(fixed.publisher)
     stale = any(robot.links for robot in robots)
     for tick in ctx.ticks():
         for robot in robots:
@@ -74,18 +74,18 @@ def run(ctx: Context[StateParameters]) -> None:
         transforms = [each for robot in robots for each in robot.transforms(tick.time)]
         for message in split(transforms):
             moving.publish(message)
-        neighbours.update(others.messages)
+        other_publishers.update(static_transforms.messages)
         for robot in robots:
-            if twice := neighbours.new_conflicts(robot.links.frames if robot.links else frozenset()):
+            if conflicts := other_publishers.new_conflicts(robot.links.frames if robot.links else frozenset()):
                 ctx.log.error(
-                    f"{robot.label}: frames {_listed(twice)} are published by another node, too; a frame has one "
-                    "publisher: for a robot of the simulation, set enable_link_tf = false among its parameters, "
+                    f"{robot.label}: frames {list_names(conflicts, 5)} are published by another node, too; a frame has "
+                    "one publisher: for a robot of the simulation, set enable_link_tf = false among its parameters, "
                     "or end this service"
                 )
         ctx.node.heartbeat.detail = heartbeat_detail(robots)
 
 
-def _merge_alone(ctx: Context[StateParameters], robots: Sequence[RobotStatePublisher]) -> None:
+def _merge_only(ctx: Context[StateParameters], robots: Sequence[RobotStatePublisher]) -> None:
     """Publish merged joint states until asked to stop; the transforms are left to another node."""
     for tick in ctx.ticks():
         for robot in robots:
@@ -101,7 +101,7 @@ def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
     """Return the robots of the parameters; raises BadInput for a bad name, model or URDF."""
     p = ctx.params
     if not (p.publish_transforms or p.source_list or p.publish_default_positions):
-        raise BadInput("state: nothing to publish: neither transforms, nor joint states of source_list or by default")
+        raise BadInput("state: nothing to publish: set publish_transforms, source_list or publish_default_positions")
     if p.model and p.urdf:
         raise BadInput(f"state: both model {p.model!r} and urdf {p.urdf!r} are given: one of them describes the robot")
     try:
@@ -109,7 +109,9 @@ def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
         if len(set(namespaces)) < len(namespaces):
             raise BadInput(f"state: robots {', '.join(p.robots)}: a name is given twice")
         if p.frame_prefix is not None and len(namespaces) > 1:
-            raise BadInput("state: frame_prefix is for one robot; several have their namespaces for prefixes")
+            raise BadInput(
+                "state: frame_prefix is for a single robot; with several, each one's namespace is its prefix"
+            )
         urdf = read_urdf(p.model, p.urdf)
         return [RobotStatePublisher(ctx, each, urdf) for each in namespaces]
     except (BadName, BadUrdf) as error:
@@ -136,7 +138,3 @@ def heartbeat_detail(robots: Sequence[RobotStatePublisher]) -> str:
     parts = [f"no description of {', '.join(waiting)}"] if waiting else []
     parts += [f"{refused} messages refused"] if refused else []
     return "; ".join(parts)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")

@@ -54,8 +54,9 @@ class RobotStatePublisher:
         self._merger = merger
         kinds = [each.kind for each in description.joints]
         self._ctx.log.info(
-            f"{self.label}: {description.name or 'a robot'} with {kinds.count('fixed')} fixed joints and "
-            f"{sum(each.single_dof for each in description.joints)} that move, from {self.prefix}{description.root} on"
+            f"{self.label}: {description.name or 'a robot'} with {kinds.count('fixed')} fixed and "
+            f"{sum(each.single_dof for each in description.joints)} moving joints; root frame "
+            f"{self.prefix}{description.root}"
         )
         for remark in description.warnings:
             self._ctx.log.warn(f"{self.label}: {remark}")

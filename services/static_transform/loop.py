@@ -50,8 +50,8 @@ def _rotation(p: StaticTransformParameters) -> tuple[float, float, float, float]
     length = math.hypot(*p.quaternion)
     if len(p.quaternion) != 4 or abs(length - 1) > LENGTH_TOLERANCE:
         raise BadInput(
-            f"static_transform: quaternion = {list(p.quaternion)} is not a rotation: four numbers x, y, z, w of the "
-            f"length 1, not {len(p.quaternion)} of {length:.3f}"
+            f"static_transform: quaternion = {list(p.quaternion)} is not a rotation: it needs four numbers x, y, z, w "
+            f"with norm 1, and has {len(p.quaternion)} with norm {length:.3f}"
         )
     x, y, z, w = (each / length for each in p.quaternion)
     return x, y, z, w

@@ -64,37 +64,39 @@ class HoldDetector:
         return now <= self.held_until
 
 
-def pressed(man: HoldDetector, key: str, at: float, stall: float = 0.0) -> HoldDetector:
+def pressed(detector: HoldDetector, key: str, at: float, stall: float = 0.0) -> HoldDetector:
     """Return the state after an event of ``key`` at ``at`` [s]; another key restarts the detection.
 
     A stalled reader cannot tell when in the last ``stall`` [s] the event occurred; in doubt, it counts as a repeat.
     """
-    gap = at - man.last_time if key == man.key else inf
-    if man.adaptive and _is_repeat(man, gap, at - stall):
-        first = man.first_timeout if man.intervals else _learned_timeout(man)
-        intervals = (*man.intervals, max(0.0, gap - stall))[-KEPT_INTERVALS:]
+    gap = at - detector.last_time if key == detector.key else inf
+    if detector.adaptive and _is_repeat(detector, gap, at - stall):
+        first = detector.first_timeout if detector.intervals else _learned_timeout(detector)
+        intervals = (*detector.intervals, max(0.0, gap - stall))[-KEPT_INTERVALS:]
         until = at + min(first, _repeat_timeout(intervals))
-        return replace(man, first_timeout=first, last_time=at, last_stall=stall, intervals=intervals, held_until=until)
-    until = at + man.first_timeout
+        return replace(
+            detector, first_timeout=first, last_time=at, last_stall=stall, intervals=intervals, held_until=until
+        )
+    until = at + detector.first_timeout
     if gap < BURST_S:
-        return replace(man, last_time=at, last_stall=stall, held_until=until)
-    gaps = (inf, inf) if man.intervals else (man.gaps[1], gap + man.last_stall)
-    return replace(man, key=key, last_time=at, last_stall=stall, gaps=gaps, intervals=(), held_until=until)
+        return replace(detector, last_time=at, last_stall=stall, held_until=until)
+    gaps = (inf, inf) if detector.intervals else (detector.gaps[1], gap + detector.last_stall)
+    return replace(detector, key=key, last_time=at, last_stall=stall, gaps=gaps, intervals=(), held_until=until)
 
 
-def reset(man: HoldDetector) -> HoldDetector:
+def reset(detector: HoldDetector) -> HoldDetector:
     """Return the state without a held key; the learned timing stays."""
-    return HoldDetector(man.first_timeout, man.adaptive)
+    return HoldDetector(detector.first_timeout, detector.adaptive)
 
 
-def _is_repeat(man: HoldDetector, gap: float, earliest: float) -> bool:
+def _is_repeat(detector: HoldDetector, gap: float, earliest: float) -> bool:
     """Whether an event ``gap`` after the last one, at ``earliest`` or later, is a repeat by the keyboard."""
-    if man.intervals and gap < inf:
-        return earliest <= man.held_until
-    return BURST_S <= gap <= MIN_HUMAN_INTERVAL_S or max(gap, man.gaps[1]) <= MAX_REPEAT_INTERVAL_S
+    if detector.intervals and gap < inf:
+        return earliest <= detector.held_until
+    return BURST_S <= gap <= MIN_HUMAN_INTERVAL_S or max(gap, detector.gaps[1]) <= MAX_REPEAT_INTERVAL_S
 
 
-def _learned_timeout(man: HoldDetector) -> float:
+def _learned_timeout(detector: HoldDetector) -> float:
     """Return the new time-out of first events [s], once repeats are seen for the first time in a hold.
 
     The event before the repeats was the delayed one. A longer delay is adopted at once, a shorter one by half, as the
@@ -103,12 +105,12 @@ def _learned_timeout(man: HoldDetector) -> float:
     two gaps may both be the delay: either the key was tapped before it was held, or one of its first repeats was very
     late on a busy machine.
     """
-    before, last = man.gaps
+    before, last = detector.gaps
     delay, previous = (last, before) if last >= MIN_DELAY_S else (before, inf)
     if MIN_DELAY_S <= previous <= MAX_DELAY_S or not MIN_DELAY_S <= delay <= MAX_DELAY_S:
-        return man.first_timeout
-    wanted = delay + DELAY_MARGIN_S
-    return max(wanted, (man.first_timeout + wanted) / 2)
+        return detector.first_timeout
+    timeout = delay + DELAY_MARGIN_S
+    return max(timeout, (detector.first_timeout + timeout) / 2)
 
 
 def _repeat_timeout(intervals: tuple[float, ...]) -> float:

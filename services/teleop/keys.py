@@ -131,8 +131,8 @@ class KeyState:
     @classmethod
     def initial(cls, p: TeleopParameters) -> KeyState:
         """Return the initial state."""
-        man = HoldDetector(p.key_timeout, p.adaptive)
-        return cls(min(p.speed, p.speed_limit), min(p.turn, p.turn_limit), man)
+        detector = HoldDetector(p.key_timeout, p.adaptive)
+        return cls(min(p.speed, p.speed_limit), min(p.turn, p.turn_limit), detector)
 
     def command(self, now: float) -> Velocity | None:
         """Return the commanded velocity at ``now`` [s]; None if no motion key is held."""
@@ -142,44 +142,44 @@ class KeyState:
         return Velocity(x * self.speed, y * self.speed, z * self.speed, yaw * self.turn)
 
 
-def reconfigured(hand: KeyState, before: TeleopParameters, p: TeleopParameters) -> KeyState:
+def reconfigured(state: KeyState, before: TeleopParameters, p: TeleopParameters) -> KeyState:
     """Return the state after a change of parameters from ``before``; scaled speeds stay within the limits."""
-    speed = p.speed if p.speed != before.speed else hand.speed
-    turn = p.turn if p.turn != before.turn else hand.turn
-    man = hand.detector
+    speed = p.speed if p.speed != before.speed else state.speed
+    turn = p.turn if p.turn != before.turn else state.turn
+    detector = state.detector
     if (p.key_timeout, p.adaptive) != (before.key_timeout, before.adaptive):
-        man = replace(man, first_timeout=p.key_timeout, adaptive=p.adaptive)
-    return replace(hand, speed=min(speed, p.speed_limit), turn=min(turn, p.turn_limit), detector=man)
+        detector = replace(detector, first_timeout=p.key_timeout, adaptive=p.adaptive)
+    return replace(state, speed=min(speed, p.speed_limit), turn=min(turn, p.turn_limit), detector=detector)
 
 
-def is_stop(press: KeyEvent) -> bool:
+def is_stop(event: KeyEvent) -> bool:
     """Whether the key stops the robot, as does any key without a binding."""
-    return not press.released and press.key not in MOVES and press.key not in SCALES
+    return not event.released and event.key not in MOVES and event.key not in SCALES
 
 
-def on_key(hand: KeyState, press: KeyEvent, p: TeleopParameters) -> KeyState:
+def on_key(state: KeyState, event: KeyEvent, p: TeleopParameters) -> KeyState:
     """Return the state after a key event.
 
     A scaling key changes a current motion and then counts as the held key itself, as a keyboard repeats only the last
     key; it starts no motion. On keyboards that report releases, a release ends the key's motion at once.
     """
-    if press.released:
+    if event.released:
         return (
-            replace(hand, direction=NO_DIRECTION, detector=reset(hand.detector))
-            if press.key == hand.detector.key
-            else hand
+            replace(state, direction=NO_DIRECTION, detector=reset(state.detector))
+            if event.key == state.detector.key
+            else state
         )
-    man = pressed(hand.detector, press.key, press.time, press.stall)
-    if press.key in MOVES:
-        return replace(hand, detector=man, direction=MOVES[press.key])
-    if press.key not in SCALES:
-        return replace(hand, detector=reset(hand.detector), direction=NO_DIRECTION)
-    scale = SCALES[press.key]
+    detector = pressed(state.detector, event.key, event.time, event.stall)
+    if event.key in MOVES:
+        return replace(state, detector=detector, direction=MOVES[event.key])
+    if event.key not in SCALES:
+        return replace(state, detector=reset(state.detector), direction=NO_DIRECTION)
+    scale = SCALES[event.key]
     return KeyState(
-        speed=_scaled(hand.speed, scale.speed, p.speed_limit),
-        turn=_scaled(hand.turn, scale.turn, p.turn_limit),
-        detector=man,
-        direction=hand.direction if hand.detector.is_held(press.time - press.stall) else NO_DIRECTION,
+        speed=_scaled(state.speed, scale.speed, p.speed_limit),
+        turn=_scaled(state.turn, scale.turn, p.turn_limit),
+        detector=detector,
+        direction=state.direction if state.detector.is_held(event.time - event.stall) else NO_DIRECTION,
     )
 
 

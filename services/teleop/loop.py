@@ -47,13 +47,13 @@ def run(ctx: Context[TeleopParameters]) -> None:
 def run_script(ctx: Context[TeleopParameters], script: KeyScript, commands: CommandPublisher) -> None:
     """Play the script from the first tick, and again after a reset of time, until the robot has been released."""
     p = ctx.params
-    keys, start, spoke = KeyState.initial(p), -1, 0.0
+    keys, start, last_command = KeyState.initial(p), -1, 0.0
     for tick in ctx.ticks():
         if ctx.params_changed:
             keys, p = reconfigured(keys, p, ctx.params), ctx.params
             commands.repeater.reconfigure(p.repeat_rate, p.give_way)
         if start < 0 or tick.reset:
-            keys, start, spoke = KeyState.initial(p), tick.time, 0.0
+            keys, start, last_command = KeyState.initial(p), tick.time, 0.0
             script.rewind()
             commands.repeater.reset()
         now = (tick.time - start) / 1e9
@@ -61,8 +61,8 @@ def run_script(ctx: Context[TeleopParameters], script: KeyScript, commands: Comm
         for event in events:
             keys = on_key(keys, event, p)
         commands.update(keys.command(now), now, now, bool(events), any(map(is_stop, events)))
-        spoke = spoke if commands.repeater.state == "silent" else now
-        if script.done and now - spoke > EXIT_DELAY_S:
+        last_command = last_command if commands.repeater.state == "silent" else now
+        if script.done and now - last_command > EXIT_DELAY_S:
             return
 
 
@@ -85,8 +85,8 @@ def run_keyboard(
         for event in events:
             keys = on_key(keys, event, p)
         # No other key event occurred until ``due``; if this loop was delayed since then, later events are not read yet.
-        wanted = keys.command(min(wall, due))
-        commands.update(wanted, wall, monitor.sim_seconds, bool(events), any(map(is_stop, events)))
+        command = keys.command(min(wall, due))
+        commands.update(command, wall, monitor.sim_seconds, bool(events), any(map(is_stop, events)))
         node.heartbeat.state, node.heartbeat.ticks = monitor.state, node.heartbeat.ticks + 1
         node.spin_once()
         view = View(

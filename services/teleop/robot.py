@@ -9,7 +9,7 @@ from messages.elea import BaseStatus
 from messages.geometry import Twist, TwistStamped, Vector3
 from messages.names import BadName, absolute_namespace
 from messages.std import Header, Time
-from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM, TURTLE_POSE, Quality, Topic
+from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, CMD_VEL_STAMPED, ODOM, TURTLE_POSE
 from services.driving.command_repeater import CommandRepeater
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, did_you_mean
@@ -19,9 +19,6 @@ from services.runtime.subscriber import Latest
 from services.runtime.transport.wire import SampleInfo
 from services.teleop import TeleopParameters
 from services.teleop.keys import ZERO_VELOCITY, Velocity
-
-STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
-"""``cmd_vel`` as expected by newer ROS 2 bases."""
 
 
 class CommandPublisher:
@@ -36,7 +33,7 @@ class CommandPublisher:
         if p.stamped:
             # Declared topics are advertised as plain Twist.
             ctx.node.unregister(plain)
-            stamped, self._type_name = ctx.advertise(STAMPED), TwistStamped.ROS_TYPE
+            stamped, self._type_name = ctx.advertise(CMD_VEL_STAMPED), TwistStamped.ROS_TYPE
 
             def send(twist: Twist) -> None:
                 header = Header(stamp=Time.of(ctx.now), frame_id=p.frame_id)
@@ -56,14 +53,14 @@ class CommandPublisher:
             ctx.log.warn(f"no base subscribes to {self.topic}, waiting for one (known: {listed})", every=5.0)
             ctx.idle()
         ctx.node.heartbeat.detail = ""
-        taken = found[self.topic].type_name
-        if taken != self._type_name:
-            wanted = str(not ctx.params.stamped).lower()
-            raise BadInput(f"{self.topic} takes {taken}, not {self._type_name}: set stamped={wanted}")
+        expected = found[self.topic].type_name
+        if expected != self._type_name:
+            stamped = str(not ctx.params.stamped).lower()
+            raise BadInput(f"{self.topic} takes {expected}, not {self._type_name}: set stamped={stamped}")
 
-    def update(self, motion: Velocity | None, wall: float, sim: float, struck: bool, stop: bool) -> None:
+    def update(self, motion: Velocity | None, wall: float, sim: float, key_event: bool, stop: bool) -> None:
         """Publish the command that is due, if any; see ``CommandRepeater.update``."""
-        self._publish(self.repeater.update(motion, wall, sim, struck, stop))
+        self._publish(self.repeater.update(motion, wall, sim, key_event, stop))
 
     def close(self) -> None:
         """Publish a final zero, unless others drive the robot by now."""
@@ -173,7 +170,7 @@ def find_bases(entities: Iterable[Entity]) -> dict[str, BaseInfo]:
     A controller's name is a second namespace of its base, below the one in which the base publishes its status.
     """
     known = tuple(entities)
-    telling = {
+    status_publishers = {
         (each.node, each.name.removesuffix(_STATUS_SUFFIX))
         for each in known
         if each.kind == "pub" and each.name.endswith(_STATUS_SUFFIX)
@@ -184,7 +181,9 @@ def find_bases(entities: Iterable[Entity]) -> dict[str, BaseInfo]:
             continue
         above = each.name.removesuffix(_SUFFIX)
         if any(e.kind == "pub" and e.node == each.node and e.name.rpartition("/")[0] == above for e in known):
-            around = [name for node, name in telling if node == each.node and f"{above}/".startswith(f"{name}/")]
+            around = [
+                name for node, name in status_publishers if node == each.node and f"{above}/".startswith(f"{name}/")
+            ]
             base = max(around, key=len, default=above)
             found[above or "/"] = BaseInfo(base or "/", f"{base}{_SUFFIX}", each.record)
     return dict(sorted(found.items()))
@@ -199,7 +198,7 @@ def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseIn
         where: Name of the network, for errors.
     """
     if not found:
-        raise BadInput(f"no robot takes commands at {where}: is a fleet up that has one? (./elea ps lists them)")
+        raise BadInput(f"no robot takes commands at {where}: is a fleet with a robot running? (./elea ps lists fleets)")
     bases = dict.fromkeys(each.namespace for each in found.values())
     listed = ", ".join(bases)
     if not asked:

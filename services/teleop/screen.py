@@ -62,11 +62,11 @@ def _command_text(sent: Velocity | None) -> str:
     return "   ".join((*named, f"{sent.yaw:+.2f} rad/s") if sent.yaw else named)
 
 
-def _odometry_text(moving: Twist | None) -> str:
-    if moving is None:
+def _odometry_text(twist: Twist | None) -> str:
+    if twist is None:
         return "no odometry"
     # Adding 0 removes the sign of a negative zero.
-    return f"{round(moving.linear.x, 2) + 0:+.2f} m/s   {round(moving.angular.z, 2) + 0:+.2f} rad/s"
+    return f"{round(twist.linear.x, 2) + 0:+.2f} m/s   {round(twist.angular.z, 2) + 0:+.2f} rad/s"
 
 
 def _base_text(base: BaseStatus | None, node: str) -> str:

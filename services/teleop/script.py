@@ -44,20 +44,22 @@ def _hold(entry: str) -> tuple[float, float, str]:
     if found is None:
         raise BadInput(
             f"keys: {entry!r} is not KEY@TIME or KEY@FROM-TO, as in i@0.5 or i@0.5-2 (s); "
-            "space, up, down, left and right are keys, too"
+            "further keys: space, up, down, left, right"
         )
     start = float(found["start"])
     end = float(found["end"] or start)
     if not start <= end <= MAX_TIME_S:
-        raise BadInput(f"keys: {entry!r}: a key goes up no earlier than down, and no later than {MAX_TIME_S:g} s")
+        raise BadInput(
+            f"keys: {entry!r}: the release must not be earlier than the press, nor later than {MAX_TIME_S:g} s"
+        )
     return start, end, " " if found["key"] == "space" else found["key"]
 
 
 class KeyScript:
     """Returns the events of a script as they become due."""
 
-    def __init__(self, presses: tuple[KeyEvent, ...]) -> None:
-        self._events, self._next = presses, 0
+    def __init__(self, events: tuple[KeyEvent, ...]) -> None:
+        self._events, self._next = events, 0
 
     def pop_due(self, now: float) -> list[KeyEvent]:
         """Return the events due at ``now`` [s] that were not returned before."""

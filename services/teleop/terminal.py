@@ -146,10 +146,10 @@ class Terminal:
 
 def _unbuffered(before: list[Any]) -> list[Any]:
     """Return the attributes for reading key by key."""
-    wanted = list(before)
-    wanted[_LFLAG] = before[_LFLAG] & ~(termios.ICANON | termios.ECHO | termios.IEXTEN) | termios.ISIG
-    wanted[_IFLAG] = before[_IFLAG] & ~(termios.IXON | termios.ICRNL)
-    wanted[_CC] = list(before[_CC])
-    wanted[_CC][termios.VMIN], wanted[_CC][termios.VTIME] = 1, 0
-    wanted[_CC][termios.VSUSP] = wanted[_CC][termios.VQUIT] = b"\0"
-    return wanted
+    attributes = list(before)
+    attributes[_LFLAG] = before[_LFLAG] & ~(termios.ICANON | termios.ECHO | termios.IEXTEN) | termios.ISIG
+    attributes[_IFLAG] = before[_IFLAG] & ~(termios.IXON | termios.ICRNL)
+    attributes[_CC] = list(before[_CC])
+    attributes[_CC][termios.VMIN], attributes[_CC][termios.VTIME] = 1, 0
+    attributes[_CC][termios.VSUSP] = attributes[_CC][termios.VQUIT] = b"\0"
+    return attributes

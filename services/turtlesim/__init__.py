@@ -25,6 +25,6 @@ SERVICE = Service(
     about="Moves turtles on a plane and draws their trails, as ROS's turtlesim.",
     run="services.turtlesim.loop:run",
     rate=RATE_HZ,
-    alone="it subscribes to topics as turtles come",
+    alone="it subscribes to topics as turtles are spawned",
     parameters=TurtlesimParameters,
 )

@@ -65,7 +65,5 @@ class Background:
     def _checked(self, name: str, value: Any) -> dict[str, int]:
         if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 255:
             return {name: int(value)}
-        self._ctx.log.warn(
-            f"{name} = {value!r} in the tree of parameters is no part of a colour, from 0 to 255", every=5.0
-        )
+        self._ctx.log.warn(f"{name} = {value!r} in the parameter tree is not a colour value from 0 to 255", every=5.0)
         return {}

@@ -95,7 +95,9 @@ class Trails:
         self._count += 1
         line = self._drawn[turtle] = self.lines[self._count] = Line(self._count, turtle, colour, width, [start])
         if len(self.lines) > MAX_LINES:
-            del self.lines[next(iter(self.lines))]
+            dropped = self.lines.pop(next(iter(self.lines)))
+            if self._drawn.get(dropped.turtle) is dropped:
+                del self._drawn[dropped.turtle]
         return line
 
 

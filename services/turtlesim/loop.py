@@ -8,7 +8,7 @@ from typing import Any
 from messages.base import Message
 from messages.gazebo import WorldStates
 from messages.geometry import Pose as BodyPose
-from messages.geometry import Twist
+from messages.geometry import Twist, Vector3
 from messages.requests import (
     SET_PEN,
     TELEPORT_ABSOLUTE,
@@ -42,7 +42,7 @@ from services.script.stepping_services import SteppingServices
 from services.turtlesim import RATE_HZ, TurtlesimParameters
 from services.turtlesim.background import Background
 from services.turtlesim.markers import FRAME, PlaneMarkers
-from services.turtlesim.plane import Pen, Plane, Resident
+from services.turtlesim.plane import Pen, Plane, TurtleState
 from services.turtlesim.rotate_absolute import RotateAbsoluteServer
 from services.turtlesim.turtle import Turtle, Velocity
 
@@ -62,7 +62,7 @@ class Turtlesim:
     def __init__(self, ctx: Context[TurtlesimParameters]) -> None:
         self._ctx, self._background = ctx, Background(ctx)
         self._plane = Plane(self._background.colour)
-        self._ports: dict[str, TurtlePorts] = {}
+        self._topics: dict[str, TurtleTopics] = {}
         self._services = SteppingServices(ctx)
         self._markers, self._markers_due = PlaneMarkers(self._plane), 0
         self._states, self._output = ctx.advertise(TURTLE_STATES), ctx.advertise(MARKERS)
@@ -77,7 +77,7 @@ class Turtlesim:
         services.serve(TURTLESIM_RESET, self._reset, TURTLESIM_RESET.name)
         services.serve(TURTLESIM_SPAWN, self._spawn, TURTLESIM_SPAWN.name)
         services.serve(TURTLESIM_KILL, self._kill, TURTLESIM_KILL.name)
-        self._match_ports()
+        self._update_topics()
         self._ctx.log.info("turtle1 is in the middle of its plane; ./elea panel shows it")
         for tick in self._ctx.ticks(meanwhile=self._services.answer_late, reports_reads=True):
             self._step(tick)
@@ -85,20 +85,20 @@ class Turtlesim:
     def _step(self, tick: Tick) -> None:
         if tick.reset:
             self._plane.reset(self._background.colour)
-            self._match_ports()
-            for port in self._ports.values():
-                port.actions.restart()
+            self._update_topics()
+            for topics in self._topics.values():
+                topics.actions.restart()
         self._services.update()
         steps = max(1, round(tick.dt * 1e9 / PERIOD_NS)) if tick.dt else 0
-        for name, port in self._ports.items():
-            resident = self._plane.turtles[name]
-            resident.turtle = port.commanded(resident.turtle, tick, self._ctx.params.holonomic)
+        for name, topics in self._topics.items():
+            state = self._plane.turtles[name]
+            state.turtle = topics.commanded(state.turtle, tick, self._ctx.params.holonomic)
             for _ in range(steps):
                 self._plane.move(name, lambda turtle: turtle.step(tick.time, tick.dt / steps))
-            if resident.turtle.at_wall:
-                x, y = resident.turtle.x, resident.turtle.y
+            if state.turtle.at_wall:
+                x, y = state.turtle.x, state.turtle.y
                 self._ctx.log.warn(f"{name} runs into the wall, and is held at ({x:.3f}, {y:.3f}) m", every=1.0)
-            port.publish(resident)
+            topics.publish(state)
         self._publish_states(tick.time)
         self._publish_markers(tick.time, tick.reset)
 
@@ -109,7 +109,10 @@ class Turtlesim:
                 header=Header(stamp=Time.of(now), frame_id=FRAME),
                 name=tuple(self._ctx.node.identity.resolve(name)[1:] for name in turtles),
                 pose=tuple(BodyPose.planar(each.x, each.y, each.theta) for each in turtles.values()),
-                twist=tuple(Twist.planar(each.velocity.ahead, each.velocity.turn) for each in turtles.values()),
+                twist=tuple(
+                    Twist(linear=Vector3(x=each.ahead, y=each.left), angular=Vector3(z=each.turn))
+                    for each in (turtle.velocity for turtle in turtles.values())
+                ),
             )
         )
 
@@ -129,28 +132,28 @@ class Turtlesim:
 
     def _reset(self, _: Empty) -> EmptyResponse:
         self._plane.reset(self._background.colour)
-        self._match_ports()
+        self._update_topics()
         return EmptyResponse()
 
     def _spawn(self, asked: Spawn) -> SpawnResponse:
         name = self._plane.spawn(asked.name, asked.x, asked.y, asked.theta)
-        self._match_ports()
+        self._update_topics()
         turtle = self._plane.turtles[name].turtle
         self._ctx.log.info(f"{name} is at ({turtle.x:.3f}, {turtle.y:.3f}) m, {turtle.theta:.3f} rad")
         return SpawnResponse(name=name)
 
     def _kill(self, asked: Kill) -> KillResponse:
         self._plane.kill(asked.name)
-        self._match_ports()
+        self._update_topics()
         return KillResponse()
 
     def _set_pen(self, name: str, asked: SetPen) -> SetPenResponse:
-        resident = self._plane.turtles[name]
+        state = self._plane.turtles[name]
         if asked.off:
-            resident.pen = Pen(resident.pen.colour, resident.pen.width, down=False)
+            state.pen = Pen(state.pen.colour, state.pen.width, down=False)
         else:
             colour = Color(r=asked.r, g=asked.g, b=asked.b)
-            resident.pen = Pen(colour, asked.width or resident.pen.width)
+            state.pen = Pen(colour, asked.width or state.pen.width)
         return SetPenResponse()
 
     def _teleport_absolute(self, name: str, asked: TeleportAbsolute) -> TeleportAbsoluteResponse:
@@ -161,16 +164,16 @@ class Turtlesim:
         self._plane.move(name, lambda turtle: turtle.displaced(asked.linear, asked.angular))
         return TeleportRelativeResponse()
 
-    def _match_ports(self) -> None:
+    def _update_topics(self) -> None:
         """Create the topics and services of new turtles, and close those of removed turtles."""
         turtles = self._plane.turtles
-        for name in [each for each in self._ports if each not in turtles]:
-            self._ports.pop(name).close()
+        for name in [each for each in self._topics if each not in turtles]:
+            self._topics.pop(name).close()
             for request in TURTLE_REQUESTS:
-                self._services.end(request, f"{name}/{request.name}")
+                self._services.hide(request, f"{name}/{request.name}")
         for name in turtles:
-            if name not in self._ports:
-                self._ports[name] = TurtlePorts(self._ctx, name)
+            if name not in self._topics:
+                self._topics[name] = TurtleTopics(self._ctx, name)
                 self._serve(name, SET_PEN, self._set_pen)
                 self._serve(name, TELEPORT_ABSOLUTE, self._teleport_absolute)
                 self._serve(name, TELEPORT_RELATIVE, self._teleport_relative)
@@ -186,7 +189,7 @@ class Turtlesim:
         self._services.serve(request, answer, f"{name}/{request.name}")
 
 
-class TurtlePorts:
+class TurtleTopics:
     """The topics of one turtle, and its action server."""
 
     def __init__(self, ctx: Context[TurtlesimParameters], name: str) -> None:
@@ -211,10 +214,10 @@ class TurtlePorts:
             turtle = turtle.command(velocity_of(twist, holonomic), tick.time)
         return self.actions.step(turtle, tick.time, not tick.reset)
 
-    def publish(self, resident: Resident) -> None:
+    def publish(self, state: TurtleState) -> None:
         """Publish pose and colour."""
-        self._poses.publish(resident.turtle.pose())
-        self._colours.publish(resident.seen)
+        self._poses.publish(state.turtle.pose())
+        self._colours.publish(state.sensed_colour)
 
 
 def velocity_of(twist: Twist, holonomic: bool) -> Velocity:

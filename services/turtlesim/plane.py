@@ -26,11 +26,11 @@ class Pen:
 
 
 @dataclass
-class Resident:
+class TurtleState:
     """A turtle on the plane, its pen, and the last colour of its sensor."""
 
     turtle: Turtle
-    seen: Color
+    sensed_colour: Color
     pen: Pen = Pen()
 
 
@@ -38,7 +38,7 @@ class Plane:
     """The turtles by name; turtle1 exists from the start. ``generation`` increases whenever the drawing is cleared."""
 
     def __init__(self, background: Color) -> None:
-        self.turtles: dict[str, Resident] = {}
+        self.turtles: dict[str, TurtleState] = {}
         self.trails = Trails()
         self.background, self.generation = background, 0
         self._canvas, self._count = Canvas(background), 0
@@ -60,7 +60,7 @@ class Plane:
         """Add a turtle at a pose [m, m, rad]; return its name, by default the next free one. Raises BadInput."""
         counted = False
         if len(self.turtles) >= MOST_TURTLES:
-            raise BadInput(f"there are {MOST_TURTLES} turtles, more find no room: kill some first")
+            raise BadInput(f"there are already {MOST_TURTLES} turtles, the maximum: kill some first")
         while not name or (counted and name in self.turtles):
             counted, self._count = True, self._count + 1
             name = f"turtle{self._count}"
@@ -69,11 +69,14 @@ class Plane:
         except BadName as error:
             raise BadInput(f"no turtle can have this name: {error}") from None
         if name.startswith(("/", "~")):
-            raise BadInput(f"no turtle can have the name {name!r}: its topics are below it, so it is relative")
+            raise BadInput(
+                f"no turtle can have the name {name!r}: its topics are named below it, so it must not begin with '/' "
+                "or '~'"
+            )
         if name in self.turtles:
-            raise BadInput(f"a turtle {name!r} is there already: give another name, or none")
+            raise BadInput(f"there is already a turtle {name!r}: give another name, or none")
         turtle = Turtle(0.0, 0.0, 0.0).placed(x, y, theta)
-        self.turtles[name] = Resident(turtle, self._canvas.colour_at((turtle.x, turtle.y)))
+        self.turtles[name] = TurtleState(turtle, self._canvas.colour_at((turtle.x, turtle.y)))
         return name
 
     def kill(self, name: str) -> None:
@@ -85,11 +88,11 @@ class Plane:
 
     def move(self, name: str, motion: Callable[[Turtle], Turtle]) -> Turtle:
         """Move a turtle, which draws if its pen is down."""
-        resident = self.turtles[name]
-        before, after = resident.turtle, motion(resident.turtle)
-        start, end, pen = (before.x, before.y), (after.x, after.y), resident.pen
-        resident.turtle = after
-        resident.seen = self._canvas.colour_at(end)
+        state = self.turtles[name]
+        before, after = state.turtle, motion(state.turtle)
+        start, end, pen = (before.x, before.y), (after.x, after.y), state.pen
+        state.turtle = after
+        state.sensed_colour = self._canvas.colour_at(end)
         if not pen.down:
             self.trails.lift(name)
         elif start != end:

@@ -36,15 +36,15 @@ class RotateAbsoluteServer:
         self._received: Subscriber[RotateAbsoluteActionGoal] = node.subscribe(
             topic("goal", RotateAbsoluteActionGoal, event, "heading to turn to")
         )
-        self._cancelled: Subscriber[GoalID] = node.subscribe(topic("cancel", GoalID, event, "goals to give up"))
+        self._cancelled: Subscriber[GoalID] = node.subscribe(topic("cancel", GoalID, event, "goals to cancel"))
         self._status: Publisher[GoalStatusArray] = node.advertise(
             topic("status", GoalStatusArray, Quality.LATCHED, "states of the goals")
         )
         self._feedback: Publisher[RotateAbsoluteActionFeedback] = node.advertise(
-            topic("feedback", RotateAbsoluteActionFeedback, Quality.SENSOR, "angle that remains")
+            topic("feedback", RotateAbsoluteActionFeedback, Quality.SENSOR, "remaining angle")
         )
         self._results: Publisher[RotateAbsoluteActionResult] = node.advertise(
-            topic("result", RotateAbsoluteActionResult, event, "how a goal ended")
+            topic("result", RotateAbsoluteActionResult, event, "outcome of a goal")
         )
         self._active, self._heading, self._start, self._status_due = "", 0.0, 0.0, 0
 
@@ -81,7 +81,7 @@ class RotateAbsoluteServer:
             self._results.publish(RotateAbsoluteActionResult(header=Header(stamp=Time.of(now)), status=status))
             return
         if self._active:
-            self._end(Status.PREEMPTED, turtle, now, "a newer goal takes its place")
+            self._end(Status.PREEMPTED, turtle, now, "it was replaced by a newer goal")
         self._goals.accept(goal.id)
         self._active, self._heading, self._start = goal.id, message.goal.theta, turtle.theta
 

@@ -8,7 +8,7 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
-from services.driving.guidance import Segment, limit_slew, line_of_sight_heading, stopping_speed, turn_rate
+from services.driving.guidance import STANDSTILL, Segment, limit_slew, line_of_sight_heading, stopping_speed, turn_rate
 from services.driving.plan import Goal, Plan, Progress, State
 from services.waypoint import WaypointParameters
 
@@ -39,8 +39,6 @@ REJOIN_DISTANCE = 0.1
 """Offset [m] from the segment beyond which a robot that was pushed or moved plans a new one from where it is."""
 STOP_DISTANCE = 0.001
 """Remaining distance [m] at which the robot stops; its approach speed there is 5 mm/s."""
-STANDSTILL = Twist2(0.002, 0.02)
-"""Measured speeds below which a robot counts as standing."""
 MAX_START_TURN_RATE = 0.05
 """Measured turn rate [rad/s] below which an aligned robot starts to drive."""
 
@@ -67,64 +65,64 @@ class GoalState(NamedTuple):
 def start_goal(goal: Goal, here: Pose2, previous: Goal | None, command: Twist2 = ZERO_TWIST) -> GoalState:
     """Start driving to ``goal``: on the segment from ``previous`` if the robot is near it, else straight from here."""
     if previous is not None:
-        leg = Segment(previous.x, previous.y, goal.x, goal.y)
-        if leg.length > REJOIN_DISTANCE and math.hypot(here.x - previous.x, here.y - previous.y) < REJOIN_DISTANCE:
-            return GoalState(goal, leg, command=command)
+        segment = Segment(previous.x, previous.y, goal.x, goal.y)
+        if segment.length > REJOIN_DISTANCE and math.hypot(here.x - previous.x, here.y - previous.y) < REJOIN_DISTANCE:
+            return GoalState(goal, segment, command=command)
     return GoalState(goal, Segment(here.x, here.y, goal.x, goal.y), command=command)
 
 
-def step_goal(now: GoalState, here: Pose2, moving: Twist2, p: WaypointParameters, dt: float) -> GoalState:
+def step_goal(state: GoalState, here: Pose2, velocity: Twist2, p: WaypointParameters, dt: float) -> GoalState:
     """Return the next state and command from the pose, the measured velocity and the time step [s]."""
-    now = _next_phase(now, here, moving, p)
-    wanted = _wanted_command(now, here, p)
-    command = limit_slew(now.command, wanted, p.acceleration * dt, p.deceleration * dt, p.angular_acceleration * dt)
-    return now._replace(command=command)
+    state = _next_phase(state, here, velocity, p)
+    target = _target_command(state, here, p)
+    command = limit_slew(state.command, target, p.acceleration * dt, p.deceleration * dt, p.angular_acceleration * dt)
+    return state._replace(command=command)
 
 
-def _next_phase(now: GoalState, here: Pose2, moving: Twist2, p: WaypointParameters) -> GoalState:
-    away = now.segment.distance_to_end(here)
-    standing = abs(moving.v) < STANDSTILL.v and abs(moving.w) < STANDSTILL.w
-    match now.phase:
+def _next_phase(state: GoalState, here: Pose2, velocity: Twist2, p: WaypointParameters) -> GoalState:
+    away = state.segment.distance_to_end(here)
+    standing = abs(velocity.v) < STANDSTILL.v and abs(velocity.w) < STANDSTILL.w
+    match state.phase:
         case Phase.TURN if away <= p.tolerance:
-            return now._replace(phase=Phase.SETTLE)
-        case Phase.TURN if abs(_heading_error(now, here, p)) < ALIGNED and abs(moving.w) < MAX_START_TURN_RATE:
-            return now._replace(phase=Phase.DRIVE)
+            return state._replace(phase=Phase.SETTLE)
+        case Phase.TURN if abs(_heading_error(state, here, p)) < ALIGNED and abs(velocity.w) < MAX_START_TURN_RATE:
+            return state._replace(phase=Phase.DRIVE)
         case Phase.DRIVE:
-            left, offset = now.segment.remaining_and_offset(here)
-            if left <= STOP_DISTANCE:
-                return now._replace(phase=Phase.SETTLE)
+            remaining, offset = state.segment.remaining_and_offset(here)
+            if remaining <= STOP_DISTANCE:
+                return state._replace(phase=Phase.SETTLE)
             if abs(offset) > REJOIN_DISTANCE:
-                return start_goal(now.goal, here, None, now.command)
-            if abs(_heading_error(now, here, p)) > REALIGN_ERROR:
-                return now._replace(phase=Phase.TURN)
+                return start_goal(state.goal, here, None, state.command)
+            if abs(_heading_error(state, here, p)) > REALIGN_ERROR:
+                return state._replace(phase=Phase.TURN)
         case Phase.SETTLE if standing and away > p.tolerance:
-            return start_goal(now.goal, here, None, now.command)
+            return start_goal(state.goal, here, None, state.command)
         case Phase.SETTLE if standing:
-            return now._replace(phase=Phase.DONE if now.goal.yaw is None else Phase.ALIGN)
-        case Phase.ALIGN if standing and abs(_heading_error(now, here, p)) < p.heading_tolerance:
-            return now._replace(phase=Phase.DONE)
-    return now
+            return state._replace(phase=Phase.DONE if state.goal.yaw is None else Phase.ALIGN)
+        case Phase.ALIGN if standing and abs(_heading_error(state, here, p)) < p.heading_tolerance:
+            return state._replace(phase=Phase.DONE)
+    return state
 
 
-def _wanted_command(now: GoalState, here: Pose2, p: WaypointParameters) -> Twist2:
-    if now.phase in (Phase.SETTLE, Phase.DONE):
+def _target_command(state: GoalState, here: Pose2, p: WaypointParameters) -> Twist2:
+    if state.phase in (Phase.SETTLE, Phase.DONE):
         return ZERO_TWIST
-    error = _heading_error(now, here, p)
+    error = _heading_error(state, here, p)
     w = turn_rate(error, p.max_angular, p.angular_acceleration, p.lag)
-    if now.phase is not Phase.DRIVE:
+    if state.phase is not Phase.DRIVE:
         return Twist2(0.0, w)
-    left, _ = now.segment.remaining_and_offset(here)
-    return Twist2(stopping_speed(left, p.max_linear, p.deceleration, p.lag) * max(0.0, math.cos(error)), w)
+    remaining, _ = state.segment.remaining_and_offset(here)
+    return Twist2(stopping_speed(remaining, p.max_linear, p.deceleration, p.lag) * max(0.0, math.cos(error)), w)
 
 
-def _heading_error(now: GoalState, here: Pose2, p: WaypointParameters) -> float:
+def _heading_error(state: GoalState, here: Pose2, p: WaypointParameters) -> float:
     """Return the heading error [rad].
 
     A lookahead below 4 lag v makes the offset oscillate: s^2 lag + s + v / lookahead = 0.
     """
-    if now.phase is Phase.ALIGN and now.goal.yaw is not None:
-        return wrap(now.goal.yaw - here.yaw)
-    return wrap(line_of_sight_heading(now.segment, here, max(p.lookahead, 4 * p.lag * p.max_linear)) - here.yaw)
+    if state.phase is Phase.ALIGN and state.goal.yaw is not None:
+        return wrap(state.goal.yaw - here.yaw)
+    return wrap(line_of_sight_heading(state.segment, here, max(p.lookahead, 4 * p.lag * p.max_linear)) - here.yaw)
 
 
 def plan_of(p: WaypointParameters) -> Plan:
@@ -154,12 +152,12 @@ class WaypointController:
             self._goal_state = None
         self._params = parameters
 
-    def step(self, here: Pose2, moving: Twist2, dt: float) -> Progress:
+    def step(self, here: Pose2, velocity: Twist2, dt: float) -> Progress:
         """Run one control tick.
 
         Args:
             here: Measured pose.
-            moving: Measured velocity.
+            velocity: Measured velocity.
             dt: Time since the last tick [s].
         """
         if not self.plan.goals:
@@ -167,7 +165,9 @@ class WaypointController:
         if self._done:
             return self._finish(here)
         return (
-            self._step_tutorial(here) if self._params.law == "tutorial" else self._step_stop_and_turn(here, moving, dt)
+            self._step_tutorial(here)
+            if self._params.law == "tutorial"
+            else self._step_stop_and_turn(here, velocity, dt)
         )
 
     def hold(self) -> Progress:
@@ -177,12 +177,12 @@ class WaypointController:
             return Progress("idle", None)
         return Progress("waiting", ZERO_TWIST, self._index, len(self.plan.goals), self.plan.goals[self._index])
 
-    def _step_stop_and_turn(self, here: Pose2, moving: Twist2, dt: float) -> Progress:
+    def _step_stop_and_turn(self, here: Pose2, velocity: Twist2, dt: float) -> Progress:
         if self._goal_state is not None and self._goal_state.phase is Phase.DONE and not self._advance():
             return self._finish(here)
         if self._goal_state is None:
             self._goal_state = start_goal(self._goal, here, self.plan.previous_goal(self._index), self._command)
-        self._goal_state = step_goal(self._goal_state, here, moving, self._params, dt)
+        self._goal_state = step_goal(self._goal_state, here, velocity, self._params, dt)
         self._command = self._goal_state.command
         return self._progress("reached" if self._goal_state.phase is Phase.DONE else "driving", here)
 

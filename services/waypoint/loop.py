@@ -36,9 +36,9 @@ def run(ctx: Context[WaypointParameters]) -> None:
                 controller.reconfigure(ctx.params)
                 if ctx.params_changed & PLAN_LEVEL:
                     controller.set_plan(plan_of(ctx.params))
-            for asked in goals.drain():
+            for goal_pose in goals.drain():
                 try:
-                    controller.set_plan(plan_to_pose(asked, frame))
+                    controller.set_plan(plan_to_pose(goal_pose, frame))
                 except BadInput as error:
                     ctx.log.warn(str(error), every=1)
             reporter.report_plan(controller.plan, header)

@@ -64,5 +64,5 @@ def test_a_run_on_other_values_names_each_with_its_origin_and_the_fleet_s() -> N
     assert f"{SET} law = tutorial (command line; the fleet's is steady)" in text
     saved = SavedParameterNotes(lambda: other, OWN)
     (line,) = saved.new_lines()
-    assert f"{SET} max_linear = 0.3 (saved; the fleet's is 0.2); --no-saved leaves them out" in line
+    assert f"{SET} max_linear = 0.3 (saved; the fleet's is 0.2); --no-saved ignores them" in line
     assert list(saved.new_lines()) == []

@@ -76,6 +76,7 @@ def test_values_arrive() -> None:
         ("cmd_vel_timeout", "cmd_timeout", 12, "did you mean 'cmd_vel_timeout'"),
         ("limit = 2", "limits = 2", 27, "did you mean 'limit'"),
         ("cross_track_max_m", "cross_track_mx_m", 29, "did you mean 'cross_track_max_m'"),
+        ('model = "waffle"', 'model = "waffle"\nreference = { topik = "x" }', 12, "did you mean 'topic'"),
         ("[bounds]", "[bounds.reel]", 28, "did you mean 'real'"),
         ("[bounds]", "[mode_bounds.real]", 28, "unknown key 'mode_bounds'"),
         ("[bounds]", "[bounds.real]\ncollision = 0", 29, "did you mean 'collisions'"),
@@ -90,8 +91,8 @@ def test_wrong_name(old: str, new: str, place: int, hint: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "place", "what"),
     [
-        ('mode = "real"', 'mode = "reel"', 3, "run.mode: 'reel' is none of lockstep, real; did you mean 'real'?"),
-        ('when = "always"', 'when = "alway"', 27, "restart.when: 'alway' is none of always, never, on-failure"),
+        ('mode = "real"', 'mode = "reel"', 3, "run.mode: 'reel' is not one of lockstep, real; did you mean 'real'?"),
+        ('when = "always"', 'when = "alway"', 27, "restart.when: 'alway' is not one of always, never, on-failure"),
         ('mode = "real"', 'mode = "free"', 3, "Use lockstep: it runs as fast as the machine can"),
         ("factor = 2", "factor = 0", 4, "run.factor"),
         ("factor = 2", "factor = nan", 4, "run.factor"),
@@ -201,7 +202,7 @@ def test_a_change_that_no_set_can_take(old: str, new: str, place: int, what: str
 
 
 def test_unknown_fleet_names_the_nearest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(BadInput, match=r"unknown fleet 'lap'; did you mean 'lab'.*your own is named by.*\./lap\.toml"):
+    with pytest.raises(BadInput, match=r"unknown fleet 'lap'; did you mean 'lab'.*your own by its path.*\./lap\.toml"):
         find_fleet("lap")
     (tmp_path / "pair.toml").touch()
     with pytest.raises(BadInput, match=r"no fleet file .*piar\.toml; did you mean 'pair\.toml'"):

@@ -57,7 +57,7 @@ def test_keys_of_the_run_of_robots_and_of_services_are_set() -> None:
 
 def test_what_cannot_be_set_is_told_with_the_assignment() -> None:
     for text, what in {
-        "model=waffle": "this fleet has 2 robots: say which, as ROBOT.model=… (a, b)",
+        "model=waffle": "this fleet has 2 robots: say which, e.g. ROBOT.model=… (a, b)",
         "b.model=wafle": "--set b.model=wafle: unknown model 'wafle'; did you mean 'waffle'",
         "b.modle=waffle": "--set b.modle=waffle: unknown key 'modle'; did you mean 'model'",
         "a.pose.x=far": "--set a.pose.x=far: robot[0].pose.x: Expected `float`, got `str`",
@@ -69,8 +69,10 @@ def test_what_cannot_be_set_is_told_with_the_assignment() -> None:
         "world=hose": "--set world=hose: unknown world 'hose'; did you mean 'house'",
         "wrold=house": "--set wrold=house: unknown key 'wrold'; did you mean 'world'",
         "run=3": "run is a table",
-        "a=burger": "say which of its keys, as a.model=…",
+        "a=burger": "say which of its keys, e.g. a.model=…",
         "a.services.kind=x": "services is a list",
+        "a.services.driver.laps=1": "--set a.services.driver.laps=1: services is a list",
+        "a.services.0.parameters.laps=1": "services is a list",
         "model": "is not an assignment: write KEY=VALUE",
         "a..x=3": "is not an assignment",
     }.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 from contextlib import suppress
@@ -21,6 +22,19 @@ from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
 from tests.deploy.test_run import FleetCommandLine
 from tests.harness.waiting import wait_until
+
+SUPERVISOR = """
+import sys, time
+from pathlib import Path
+from deploy.run_folder import write_state
+from messages.elea import FleetState, ProcessState
+
+states = (("router", "ready"), ("brief", "finished"), ("optional", "failed"))
+processes = tuple(ProcessState(name=name, state=state) for name, state in states)
+write_state(Path(sys.argv[-1]), FleetState(fleet="one", mode="real", processes=processes))
+time.sleep(60)
+raise SystemExit(1)
+"""
 
 ESCAPES = ("\x1b]52;c;cm0gLXJm\x07", "\x1b[2J", "\x9b2J", "\u202eevil", "\x00", "\x7f", "\u2028")
 
@@ -71,6 +85,16 @@ def test_supervisor_that_ends_without_a_word_is_told_of(tmp_path: Path, capfd: p
     assert start_detached("one", str(folder), as_json=False, argv=["run", str(tmp_path / "mute.py")]) == 1
     said = f"the supervisor ended with exit status 1 and has written nothing to {folder / 'supervisor.log'}"
     assert said in capfd.readouterr().err
+
+
+@pytest.mark.process
+def test_fleet_in_the_background_has_started_though_a_process_has_done_its_work(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "supervisor.py").write_text(SUPERVISOR)
+    argv = ["run", str(tmp_path / "supervisor.py")]
+    assert start_detached("one", str(tmp_path / "run"), as_json=True, argv=argv) == 0
+    os.kill(json.loads(capfd.readouterr().out)["pid"], signal.SIGKILL)
 
 
 def test_hanging_disk_blocks_nobody_who_logs(tmp_path: Path) -> None:

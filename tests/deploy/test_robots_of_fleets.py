@@ -72,7 +72,7 @@ def test_arguments_of_a_xacro_come_from_the_fleet_file(tmp_path: Path) -> None:
     stated = text.replace("pose = { y", 'xacro_args = { n = "left", size = 1.5, on = true }\npose = { y')
     (only,) = read_robot(parse_fleet(path, stated).robot[0].model).links
     assert only.name == "left_3.0_true"
-    with pytest.raises(BadInput, match=r"mine.toml:8: .*many.xacro:1: it needs the argument size"):
+    with pytest.raises(BadInput, match=r"mine.toml:8: .*many.xacro:1: the argument size is not set"):
         parse_fleet(path, text)
 
 
@@ -87,9 +87,9 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path: Path) -> None:
         ("[run]\npackages", "[run]\nseed = 1\n# packages"): r"mine.toml:9: .*armed.urdf:3: .*no package 'parts'",
         ('["armed"]', '["armd"]'): r"mine.toml:18: unknown model 'armd'; did you mean 'armed'",
         ("damping", "damping_of"): r"mine.toml:10: unknown parameter 'damping_of'",
-        ("pose = { y", "xacro_args = { a = 1 }\npose = { y"): r"mine.toml:8: .*xacro_args are for a xacro",
+        ("pose = { y", "xacro_args = { a = 1 }\npose = { y"): r"mine.toml:8: .*xacro_args are only for a xacro",
         ("pose = { y", "xacro_args = { a = [1] }\npose = { y"): r"mine.toml:9: robot\[0\].xacro_args",
-        ('model = "burger"', 'model = "burger"\nxacro_args = { a = 1 }'): r"xacro_args are for a xacro, which 'burger'",
+        ('model = "burger"', 'model = "burger"\nxacro_args = { a = 1 }'): r"xacro_args are only for a xacro: 'burger'",
         ('name = "mine"\n', 'name = "mine"\nfolder = "/"\n'): r"mine.toml:2: unknown key 'folder'",
     }
     for (old, new), told in cases.items():

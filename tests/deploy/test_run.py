@@ -195,7 +195,7 @@ def test_life_in_the_background(terminal: FleetCommandLine, topology: str) -> No
     assert f"held by the fleet one (supervisor {started['pid']}" in _refused(terminal, fleet)
     for arguments, refused in (
         (("down", "two"), "unknown running fleet 'two'"),
-        (("down", "--all", "one"), "--all stops every fleet: give it, or the name one"),
+        (("down", "--all", "one"), "--all stops every fleet: give either --all or the name one"),
     ):
         process = terminal.start(*arguments)
         assert refused in process.communicate(timeout=60)[1]

@@ -93,7 +93,7 @@ def test_what_is_wrong_with_it_is_told_with_file_and_line(tmp_path: Path) -> Non
     for more, said in cases.items():
         with pytest.raises(BadInput, match=said):
             read_fleet(fleet(tmp_path, more))
-    with pytest.raises(BadInput, match=r"own\.toml:\d+: .*is written for ROS 2 \(rclpy\): programs of ROS 2"):
+    with pytest.raises(BadInput, match=r"own\.toml:\d+: .*is written for ROS 2 \(rclpy\): ROS 2 programs"):
         read_fleet(fleet(tmp_path / "two", script="import rclpy\n"))
     path = fleet(tmp_path)
     path.write_text(path.read_text() + '[[service]]\nkind = "panel"\nargs = ["x"]\n')

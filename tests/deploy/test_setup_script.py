@@ -268,7 +268,7 @@ def test_python_311_comes_first_then_any_that_the_lock_holds_for(tmp_path: Path)
 
 
 def test_a_python_without_a_package_of_pybullet_is_told_once(copy: ProjectCopy) -> None:
-    line = "elea: the physics engine is MuJoCo: PyBullet has packages for Python 3.11 on x86_64 alone\n"
+    line = "elea: the physics engine is MuJoCo: PyBullet has packages only for Python 3.11 on x86_64\n"
     assert copy.start("up", extra={"NO_PYBULLET": "1"}).stderr.endswith(line)
     assert copy.start("up", extra={"NO_PYBULLET": "1"}).stderr == ""
 

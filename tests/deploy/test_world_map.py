@@ -58,5 +58,5 @@ def test_the_command_writes_a_map_that_is_the_same_world(tmp_path: Path) -> None
     assert "1 body (1 fixed)" in done.output
     done = runner.invoke(command, ["list"])
     assert [line.split()[0] for line in done.output.splitlines()] == list(WORLDS)
-    with pytest.raises(BadInput, match="a map's name ends with"):
+    with pytest.raises(BadInput, match=r"must end with \.yaml or \.yml"):
         runner.invoke(command, ["map", "arena", "-o", str(tmp_path / "arena.pgm")], catch_exceptions=False)

@@ -42,4 +42,8 @@ def test_every_request_and_topic_is_listed() -> None:
     assert {
         each for each in (*vars(requests).values(), *vars(gazebo_services).values()) if isinstance(each, Request)
     } == set(REQUESTS)
-    assert {each for each in vars(topics).values() if isinstance(each, Topic)} == {*TOPICS, *TURTLE_TOPICS}
+    assert {each for each in vars(topics).values() if isinstance(each, Topic)} == {
+        *TOPICS,
+        *TURTLE_TOPICS,
+        topics.CMD_VEL_STAMPED,
+    }

@@ -147,5 +147,5 @@ def test_a_killed_reference_is_held_and_said(swinging: tuple[SupervisedFleet, Ar
     angles = [math.degrees(s.position[0]) for s in witness.joints if s.header.stamp.ns / 1e9 > since + 1.0]
     assert max(angles) - min(angles) < 0.3, "it stands"
     assert all(abs(angle - held) < 0.6 for angle in angles), "where the last reference was"
-    assert f"holding {held:.2f} deg: has its service died?" in fleet.log("arm/arm")
+    assert f"holding {held:.2f} deg: is its service still running?" in fleet.log("arm/arm")
     assert fleet.process("arm/arm").state == "ready"

@@ -24,7 +24,7 @@ POLICY = RestartPolicy(first=FIRST_PAUSE_S)
 def test_it_is_given_up_after_pauses_that_grow(broken: SupervisedFleet) -> None:
     broken.wait(lambda: broken.process(NAME).state == "failed", "a service that is given up", START_S)
     log = broken.log(NAME)
-    pauses = [float(each) for each in re.findall(r"backing off: exit status 1; again in ([\d.]+) s", log)]
+    pauses = [float(each) for each in re.findall(r"backing off: exit status 1; restarting in ([\d.]+) s", log)]
     expected = [min(POLICY.longest, POLICY.first * 2**number) for number in range(POLICY.limit)]
     assert pauses == pytest.approx(expected, rel=JITTER + 0.05)
     assert f"{NAME} failed: exit status 1; restarted 5 times within 30 s" in log

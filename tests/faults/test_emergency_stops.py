@@ -194,7 +194,7 @@ def test_a_deleted_robot_takes_its_stop_with_it(fleet_with_stops: EmergencyStopH
     fleet_with_stops.page(True)
     fleet_with_stops.wait_held("/panel")
     place = fleet_with_stops.fleet.recorder.node.call(DELETE, Name(name="tb3_0"))
-    assert place.text == "tb3_0 is gone"
+    assert place.text == "deleted tb3_0"
     assert fleet_with_stops.stops() == ()
     born = max(each.sent for each in fleet_with_stops.robot.samples)
     fleet_with_stops.fleet.recorder.node.call(SPAWN, SpawnModel(name="tb3_0", model="burger"))

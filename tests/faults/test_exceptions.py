@@ -22,7 +22,7 @@ def test_the_process_ends_with_a_traceback_and_comes_back(broken: SupervisedFlee
     log = broken.log(name)
     assert "Traceback (most recent call last)" in log
     assert f"ZeroDivisionError: planted in the {place}" in log
-    assert f"{name} backing off: exit status {status}; again in" in log
+    assert f"{name} backing off: exit status {status}; restarting in" in log
     broken.wait(lambda: len(broken.recorder.sessions[f"/{name}"]) == 1, "one node of the name")
 
 

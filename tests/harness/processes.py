@@ -16,7 +16,7 @@ from messages.names import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.process import PARENT, ROOT
-from services.runtime.transport.unix_sockets import is_listening, router_endpoint
+from services.runtime.transport.unix_sockets import check_reachable, router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.fork_children import is_forkable
@@ -158,7 +158,7 @@ class Network:
     def _listens(self) -> bool:
         assert self.router.status is None, self.router.text
         try:
-            is_listening(self.endpoint)
+            check_reachable(self.endpoint)
         except OSError:
             return False
         return True

@@ -197,11 +197,11 @@ def test_every_encapsulation_is_read_or_refused() -> None:
         with pytest.raises(WrongPayload, match="not a message of its type"):
             read(b"\0\1\0\0" + data[4:])
     for first, reason in (
-        ("0002", "a list of numbered parameters"),
-        ("000b", "a list of numbered parameters"),
-        ("0011", "CDR and XCDR2 are, plain and delimited: 0000, 0001, 0006"),
-        ("28b52ffd", "compressed by itself"),
-        ("", "nothing is not read"),
+        ("0002", r"a parameter list \(PL_CDR\)"),
+        ("000b", r"a parameter list \(PL_CDR\)"),
+        ("0011", "plain and delimited CDR and XCDR2 are: 0000, 0001, 0006"),
+        ("28b52ffd", "individually compressed"),
+        ("", "nothing is not supported"),
     ):
         with pytest.raises(WrongPayload, match=reason):
             read(bytes.fromhex(first))
@@ -252,7 +252,7 @@ def test_few_bytes_never_become_many_values() -> None:
     value = struct.pack("<I", len(data) + 1) + data + b"\0"
     with pytest.raises(WrongPayload, match="recursion"):
         record_reader(Parameter, definitions(Parameter))(b"\0\1\0\0" + name + value)
-    with pytest.raises(WrongPayload, match="the limit for reading it into values is"):
+    with pytest.raises(WrongPayload, match="the limit for decoding is"):
         read(b"\0\1" + bytes(LARGEST_READ))
 
 
@@ -261,7 +261,7 @@ def test_few_bytes_never_become_many_values() -> None:
     [
         ("float64 x\n4 wheels", "'4 wheels' is not a field"),
         ("Other o", "x_msgs/Other is not defined"),
-        ("Self s\n===\nMSG: x_msgs/Self\nSelf s", "holds itself"),
+        ("Self s\n===\nMSG: x_msgs/Self\nSelf s", "contains itself"),
         ("float64 x\n=====\nnothing", "expected 'MSG:"),
     ],
 )

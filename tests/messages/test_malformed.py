@@ -165,8 +165,8 @@ def test_fixed_lengths_are_kept() -> None:
     ("type_name", "payload", "says"),
     [
         ("sensor_msgs/JointState", {"name": ["a"], "effort": [1.0, 2.0]}, "effort has 2 values for 1 joint names"),
-        ("sensor_msgs/Image", {"height": 2, "step": 3, "data": b"12345"}, "5 bytes, 2 rows of 3"),
-        ("sensor_msgs/LaserScan", {"ranges": [1.0, 2.0], "intensities": [1.0]}, "one length"),
+        ("sensor_msgs/Image", {"height": 2, "step": 3, "data": b"12345"}, "5 bytes, but 2 rows of 3 bytes need 6"),
+        ("sensor_msgs/LaserScan", {"ranges": [1.0, 2.0], "intensities": [1.0]}, "of equal length"),
         (
             "sensor_msgs/PointCloud",
             {"points": [{}, {}], "channels": [{"name": "range", "values": [1.0]}]},

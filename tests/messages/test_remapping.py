@@ -90,8 +90,11 @@ def test_special_rules_say_who_a_node_is(rules: tuple[str, ...], identity: tuple
         ("cmd vel:=out", "in the remapping rule .*' ' at position 3"),
         ("cmd_vel:=/a/*", "in the remapping rule .*wildcards are not allowed"),
         ("node:cmd_vel:=out", "':' at position 4"),
-        ("__node:=/tb3_0/x", "'/tb3_0/x' is not a node's name: it is a single part; __ns sets the namespace"),
-        ("__name:=~", "not a node's name"),
+        (
+            "__node:=/tb3_0/x",
+            "'/tb3_0/x' is not a node name: a node name has no '/' and no '~'; __ns sets the namespace",
+        ),
+        ("__name:=~", "not a node name"),
         ("__node:=9", "does not start with a digit"),
         ("__ns:=/a//b", "parts are joined by a single '/'"),
         ("__ns:=~x", "a namespace is not private"),

@@ -155,7 +155,7 @@ def test_a_laser_all_around_and_one_of_gz() -> None:
         assert tags.laser.increment == pytest.approx(math.tau / 360)
         assert tags.laser.mount == Mount(xyz=(0.1, 0.0, 0.2), rpy=(0.0, 0.0, 0.5), frame="front")
         assert tags.laser.rate == pytest.approx(100 / 3)
-        assert tags.notes == ("r.urdf:2: <sensor>: 40 Hz are 33.3 Hz: physics steps 200 times a second",)
+        assert tags.notes == ("r.urdf:2: <sensor>: 40 Hz is 33.3 Hz here: periods are whole physics steps of 5 ms",)
         assert tags.topics == {}
 
 
@@ -164,7 +164,7 @@ def test_rays_that_are_no_laser_are_none() -> None:
     for plugin in ('<plugin name="p" filename="libgazebo_ros_range.so"/>', ""):
         tags = tags_of(f'<gazebo reference="a"><sensor type="ray" name="s">{inner}{plugin}</sensor></gazebo>')
         assert tags.laser is None
-        assert tags.ignored == ("r.urdf:2: <sensor>: rays that no laser's plugin publishes",)
+        assert tags.ignored == ("r.urdf:2: <sensor>: a ray sensor without a laser plugin is not simulated",)
 
 
 def test_a_camera_is_as_large_as_the_renderer_can() -> None:
@@ -182,7 +182,7 @@ def test_a_camera_is_as_large_as_the_renderer_can() -> None:
         assert (camera.width, camera.height, camera.rate, camera.optical) == (320, 240, 10.0, False)
         assert (camera.link, camera.mount.frame) == ("eye", "eye_optical")
         assert tags.topics == {"camera/image": "front/rgb/image_raw", "camera/camera_info": "front/camera_info"}
-        assert "1280 x 960 pixels at 30 Hz are 320 x 240 at 10 Hz" in tags.notes[0]
+        assert "1280 x 960 pixels at 30 Hz are reduced to 320 x 240 at 10 Hz" in tags.notes[0]
 
 
 def test_friction_in_every_spelling() -> None:
@@ -229,9 +229,25 @@ def test_what_is_not_understood_is_named_once() -> None:
         "r.urdf:2: <selfCollide>: the links of a robot pass through each other",
         "r.urdf:2: <fluid>: not understood",
         "r.urdf:4: <sensor>: no sensor of the type 'sonar' is simulated",
-        "r.urdf:5: <sensor>: a sensor outside of <gazebo reference=...> sits on no link",
+        "r.urdf:5: <sensor>: a sensor outside of <gazebo reference=...> belongs to no link",
     )
+
+
+def test_a_rate_that_is_not_positive_counts_as_missing() -> None:
+    for rate in ("0", "-5"):
+        tags = tags_of(
+            '<gazebo><plugin name="j" filename="libgazebo_ros_joint_state_publisher.so">',
+            f"<updateRate>{rate}</updateRate></plugin>",
+            f'<plugin name="p" filename="libgazebo_ros_planar_move.so"><odometryRate>{rate}</odometryRate></plugin>',
+            f'<plugin name="i" filename="libgazebo_ros_imu.so"><updateRate>{rate}</updateRate>',
+            "<bodyName>base</bodyName></plugin></gazebo>",
+        )
+        assert (tags.joint_rate, tags.odometry_rate) == (None, None)
+        assert tags.imu is not None
+        assert tags.imu.rate == 100.0
+        assert tags.notes == ()
 
 
 def test_rates_are_those_of_whole_steps() -> None:
     assert [step_rate(rate, 4) for rate in (100, 50, 30, 20, 10)] == pytest.approx([50, 50, 25, 200 / 12, 10])
+    assert step_rate(5e-324, 1) == pytest.approx(1e-6)

@@ -16,7 +16,7 @@ from models import MODELS, WHEELED, WORLDS, UnknownModel, model_config_path, urd
 from models.extents import vertical_extent
 from models.model import LaserConfig, read_model
 from models.robot_source import resolve_robot
-from models.urdf import link_offset, read_joints
+from models.urdf import read_joints, read_robot
 from models.world import WorldDescription, read_world
 from services.sim.engines import default_engine, open_world
 from services.sim.physics.world import Body, Motor
@@ -152,7 +152,8 @@ def test_link_offsets_are_where_the_engine_has_the_links(name: str) -> None:
     with open_world(default_engine(), WorldDescription(), 5_000_000) as world:
         world.spawn(Body("robot", urdf_path(name)))
         for link in {joint.child for joint in read_joints(name)}:
-            assert link_offset(name, link) == pytest.approx(world.body("robot").link_pose(link).position, abs=1e-6)
+            offset = read_robot(name).link_offset(link)
+            assert offset == pytest.approx(world.body("robot").link_pose(link).position, abs=1e-6)
 
 
 def test_a_ring_of_sonars_is_that_of_aria() -> None:
@@ -176,8 +177,8 @@ def _turn(yaw: float) -> tuple[float, ...]:
     ("first", "last", "samples", "says"),
     [
         (0.5, 0.5, 10, "is 0.0000 rad"),
-        (1.0, -1.0, 10, "is -2.0000 rad, it lies between 0 and 2 pi"),
-        (-math.pi, math.pi, 10, "leave out a whole turn"),
+        (1.0, -1.0, 10, "is -2.0000 rad, not between 0 and 2 pi"),
+        (-math.pi, math.pi, 10, "for a full turn, leave out angle_max"),
         (-1.0, 1.0, 1, "at least 2 samples"),
     ],
 )

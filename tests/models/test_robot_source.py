@@ -62,7 +62,7 @@ def test_a_urdf_anywhere_becomes_a_model(tmp_path: Path) -> None:
     assert model.wheels is not None, "they are found by their shapes"
     assert model.radius == pytest.approx(0.18, abs=1e-2)
     assert read_facts(found.model).lowest == pytest.approx(-0.05, abs=1e-4)
-    assert "wheels that roll as spheres of their radius: left_wheel, right_wheel" in found.notes
+    assert "wheels simulated as spheres of their radius: left_wheel, right_wheel" in found.notes
     radii = {each.name: each.radius for each in parse_urdf(physics_urdf_path(found.model).read_text()).links}
     assert radii["left_wheel"] == pytest.approx(0.05, rel=1e-3)
     assert resolve_robot("burger", tmp_path).urdf == urdf_path("burger")
@@ -146,6 +146,15 @@ def test_requests_read_in_their_folders_alone_and_run_nothing(tmp_path: Path) ->
     for model in ("../outside/r.urdf", str(outside / "r.urdf"), "link.urdf", "/etc/passwd", "..", "/dev/zero"):
         with pytest.raises(FileNotAllowed, match="lies outside the folders"):
             resolve_robot(model, inside, access=access)
+    (inside / "folder").mkdir()
+    (inside / "folder" / "robot.urdf").symlink_to(outside / "r.urdf")
+    with pytest.raises(FileNotAllowed, match=r"robot\.urdf lies outside the folders"):
+        resolve_robot("./folder", inside, access=access)
+    (inside / "folder" / "robot.urdf").unlink()
+    write(inside / "folder" / "robot.urdf", rolling())
+    (inside / "folder" / "model.toml").symlink_to(outside / "r.urdf")
+    with pytest.raises(FileNotAllowed, match=r"model\.toml lies outside the folders"):
+        resolve_robot("./folder", inside, access=access)
     for said in ("meshes/link.stl", "../outside/cube.stl", f"file://{outside}/cube.stl"):
         write(inside / "r.urdf", rolling(mesh(said)))
         with pytest.raises(BadUrdf, match=r"r.urdf:3: .*lies outside the folders"):
@@ -156,7 +165,7 @@ def test_requests_read_in_their_folders_alone_and_run_nothing(tmp_path: Path) ->
     with pytest.raises(BadInput, match="a xacro is code"):
         resolve_robot("x.xacro", inside, access=access)
     for text, told in (
-        (xacro.read_text().replace("</robot>", "<xacro:x/></robot>"), "is a xacro: it is code"),
+        (xacro.read_text().replace("</robot>", "<xacro:x/></robot>"), "is a xacro, which is code"),
         (rolling(mesh("cube.stl")), "the URDF:3: .*by package:// or file://"),
         (rolling(mesh(f"file://{outside}/cube.stl")), "the URDF:3: .*lies outside"),
     ):
@@ -211,14 +220,14 @@ def test_a_xacro_is_expanded_without_ros(tmp_path: Path, monkeypatch: pytest.Mon
     assert read_robot(found.model).links[1].radius == 0.05
     wrong = {
         '\n<xacro:wheel name="a" y="b"/>': r"wrong.xacro \(expanded\):\d+: joint 'a_joint': .*'0 bb 0' is not",
-        '\n\n<link name="$(arg what)"/>': "wrong.xacro:3: it needs the argument what: give it by xacro_args",
+        '\n\n<link name="$(arg what)"/>': "wrong.xacro:3: the argument what is not set: set it with xacro_args",
         "\n<xacro:nothing/>": "wrong.xacro:2: unknown macro name: xacro:nothing",
         '<link name="${1 +}"/>': "wrong.xacro:1: ",
         "<a></b>": "wrong.xacro:1: this is not XML",
         '<xacro:include filename="missing.xacro"/>': "wrong.xacro:1: .*No such file",
         '<xacro:include filename="$(find my_descriptoin)/a"/>': "'my_descriptoin'; did you mean 'my_description'",
         '<xacro:include filename="wrong.xacro"/>': "includes itself",
-        '<link name="${[0] * 10**10}"/>': "wrong.xacro:1: it asks for more memory",
+        '<link name="${[0] * 10**10}"/>': "wrong.xacro:1: it needs more memory",
         "<link name='a'/><link name='a'/>": r"wrong.xacro \(expanded\):\d+: the link 'a' occurs twice",
     }
     include = '<xacro:include filename="wheel.xacro"/>' + '<xacro:property name="size" value="${dict(radius=1)}"/>'
@@ -246,7 +255,7 @@ def test_bad_robots_are_refused_with_file_and_line(tmp_path: Path) -> None:
         r"r.urdf:\d: the links are in a loop through": robot(
             base, link("arm"), joint("j", "fixed", "base", "arm"), fixed
         ),
-        r"r.urdf:4: the links are no tree: 'base', 'arm' hang on nothing": robot(base, link("arm")),
+        r"r.urdf:4: the links do not form a tree: 'base', 'arm' have no parent": robot(base, link("arm")),
         r"r.urdf:3: link 'base': value='heavy' is not a number": robot(
             link("base", inertial()).replace("1.0", "heavy")
         ),
@@ -271,17 +280,17 @@ def test_bad_robots_are_refused_with_file_and_line(tmp_path: Path) -> None:
         long.truncate(100_000_000)
     (tmp_path / "empty").mkdir()
     for model, told in (
-        ("pipe.urdf", "a pipe, socket or device, not the file of a URDF"),
+        ("pipe.urdf", "a pipe, socket or device, not a URDF"),
         ("long.urdf", "has 100000000 bytes, the limit of a URDF is"),
-        ("./empty", "holds no robot"),
-        ("empty", "named by its path, as ./empty"),
+        ("./empty", "contains no robot"),
+        ("empty", "by its path, e.g. ./empty"),
         ("nothing.urdf", r"there is no file .*nothing.urdf \(in its folder: empty, long.urdf"),
-        ("burgre", "unknown model 'burgre'; did you mean 'burger'.*a robot of your own is named by its path"),
+        ("burgre", "unknown model 'burgre'; did you mean 'burger'.*give a robot of your own by its path"),
         ("gone-0123456789abcdef", "unknown model"),
     ):
         with pytest.raises(BadInput, match=told):
             resolve_robot(model, tmp_path)
-    with pytest.raises(UnknownModel, match="are gone: start the fleet"):
+    with pytest.raises(UnknownModel, match="no longer in the cache: start the fleet"):
         urdf_path("/tmp/gone-0123456789abcdef")
 
 
@@ -311,9 +320,9 @@ def test_what_urdfs_in_the_wild_lack_is_assumed_and_told(tmp_path: Path) -> None
     found = resolve_robot(str(path), Path("/"))
     told = "\n".join(found.notes)
     for each in (
-        "links without mass, so assumed from their shapes at 200 kg/m3: weightless 1.6 kg",
-        "with an inertia that no body has: that of the box around them is taken: no_inertia, negative",
-        "with products of inertia that no body has: these are left out: products",
+        "links without mass, which is estimated from their shapes at 200 kg/m3: weightless 1.6 kg",
+        "with an impossible inertia, which is replaced by that of their bounding box: no_inertia, negative",
+        "with impossible products of inertia, which are set to 0: products",
         "floating and planar joints, which are fixed here: d, f",
         "joints that mimic others, which move freely here as in Gazebo: c",
         f"{path}: line 14: link 'weightless': collision is a 'cone', which is not a shape of a URDF: it is left out",
@@ -324,6 +333,24 @@ def test_what_urdfs_in_the_wild_lack_is_assumed_and_told(tmp_path: Path) -> None
     assert all(each.mass > 0 and min(each.tensor[:3]) > 0 for each in inertias.values())
     assert sum(each.mass for each in inertias.values()) == pytest.approx(5 + 1 + 1 + 1 + 1.6, abs=1e-2)
     assert "Prüfung" in found.urdf.read_text()
+
+
+def test_a_fixed_suspension_keeps_its_name(tmp_path: Path) -> None:
+    base, rest = link("base_link", inertial()), ""
+    for side, y in (("left", 0.12), ("right", -0.12)):
+        limit = '<limit lower="0" upper="0.03" effort="0" velocity="0"/>'
+        rest += (
+            joint(f"{side}_prismatic", "prismatic", "base_link", side, f'<origin xyz="0 {y} 0"/>', limit)
+            + link(side, inertial())
+            + joint(f"{side}_joint", "continuous", side, f"{side}_wheel", '<axis xyz="0 1 0"/>')
+            + link(f"{side}_wheel", inertial(), WHEEL)
+        )
+    found = resolve_robot(str(write(tmp_path / "sprung.urdf", robot(base, rest))), Path("/"))
+    kinds = {each.name: each.kind for each in read_robot(found.model).joints}
+    assert {each: kinds[each] for each in ("left_prismatic", "right_prismatic")} == {
+        "left_prismatic": "fixed",
+        "right_prismatic": "fixed",
+    }
 
 
 @pytest.mark.slow
@@ -350,6 +377,9 @@ def test_a_folder_with_a_model_file_has_its_figures(tmp_path: Path) -> None:
             r"rover/model.toml:2: base_frame: unknown link 'base'; did you mean",
         ),
         ("about = ", r"rover/model.toml:1: "),
+        (figures.replace("[wheels]", "[[wheels]]"), r"rover/model.toml:7: Expected `object"),
+        (figures.replace('"left_joint"', '["left_joint"]'), r"rover/model.toml:8: Expected `str`, got `array`"),
+        (figures[: figures.index("[wheels]")] + "wheels = 3\n", r"rover/model.toml:7: Expected `object"),
     ):
         write(folder / "model.toml", wrong)
         with pytest.raises(BadInput, match=told):

@@ -1,6 +1,5 @@
 """SDF worlds: parsed content, notes about unsupported elements, and errors."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ from PIL import Image
 
 from messages.se3 import Pose3
 from models.bodies import BoxShape, CylinderShape, HeightMapShape, MeshShape, SphereShape
-from models.sdf import bodies_of_sdf_model
+from models.sdf import read_sdf_model
 from models.world import BadWorld, WorldBody, WorldDescription, read_world
 
 WORLD = """<?xml version="1.0"?>
@@ -128,7 +127,7 @@ def test_models_become_bodies_with_their_poses_shapes_and_names(package: Path) -
     file = package / "worlds" / "yard.world"
     told = {
         "<plugin": "<plugin>: it is left out",
-        "<joint": "<joint>: the model 'door' has joints that move: it stands still as it is",
+        "<joint": "<joint>: the model 'door' has movable joints: it is simulated as one fixed body",
         "https": "<uri>: https://fuel.gazebosim.org/1.0/OpenRobotics/models/Radio is on the Internet and left out: "
         "download it",
         "<zeppelin": "<zeppelin>: it is not understood, and ignored",
@@ -241,7 +240,41 @@ def test_a_world_is_read_without_the_files_that_are_not_there(package: Path) -> 
     assert "did you mean 'box'?" in world.missing[2]
     assert set(world.missing) <= set(world.notes)
     with pytest.raises(BadWorld, match="there is no model 'far'"):
-        bodies_of_sdf_model('<sdf><model name="m"><link name="l">' + part.format("far/a.stl") + "</link></model></sdf>")
+        read_sdf_model('<sdf><model name="m"><link name="l">' + part.format("far/a.stl") + "</link></model></sdf>")
+
+
+def test_a_world_is_read_without_a_height_map_whose_image_is_missing(package: Path) -> None:
+    world = read(package, model("<heightmap><uri>hills.png</uri><size>8 4 10</size></heightmap>"))
+    assert world.bodies == ()
+    assert "hills.png" in world.missing[0]
+
+
+def test_nested_models_may_be_relative_to_other_frames(package: Path) -> None:
+    ball = '<link name="l"><collision name="c"><geometry><sphere/></geometry></collision></link>'
+    text = (
+        '<sdf version="1.7"><world name="w"><frame name="corner"><pose>10 0 0 0 0 0</pose></frame><model name="m">'
+        '<pose relative_to="corner">1 0 0 0 0 1.5707963267948966</pose>'
+        '<frame name="shelf"><pose>0 0 2 0 0 0</pose></frame>'
+        f'<model name="nested"><pose relative_to="shelf">1 0 0 0 0 0</pose>{ball}</model>'
+        '<include><uri>model://box</uri><pose relative_to="shelf">2 0 0 0 0 0</pose></include>'
+        '<frame name="tip" attached_to="nested::l"/>'
+        '<model name="far"><pose relative_to="tip">3 0 0 0 0 0</pose>'
+        f"{ball}</model></model></world></sdf>"
+    )
+    world = read(package, text)
+    assert {body.name: body.pose.position for body in world.bodies} == {
+        "m::nested": pytest.approx((11, 1, 2)),
+        "m::box": pytest.approx((11, 2, 2)),
+        "m::far": pytest.approx((11, 3, 0)),
+    }
+    (note,) = world.notes
+    assert note.endswith("<frame>: there is no frame 'nested::l' in this model: the pose is in the model's frame")
+
+
+def test_the_declared_encoding_of_a_text_has_no_effect(package: Path) -> None:
+    for encoding in ("ISO-8859-1", "utf-16"):
+        text = f'<?xml version="1.0" encoding="{encoding}"?><sdf><world name="Höfe"/></sdf>'
+        assert read(package, text).about == "Höfe"
 
 
 def test_a_world_is_read_without_what_flew_away(package: Path) -> None:
@@ -272,7 +305,7 @@ def test_no_mass_and_no_extent_cost_no_world(package: Path) -> None:
     assert crate.moments is None
     assert (crate.mass, [type(part.shape) for part in crate.parts]) == (1.0, [CylinderShape])
     told = {note.partition(": ")[2] for note in world.notes}
-    assert {"<inertial>: a mass of 0 kg is 1 kg here", "<mesh>: a mesh that is scaled by 0 is left out"} <= told
+    assert {"<inertial>: a mass of 0 kg is replaced by 1 kg", "<mesh>: a mesh that is scaled by 0 is left out"} <= told
 
 
 def test_a_file_is_found_from_the_folder_of_the_package(package: Path) -> None:
@@ -299,15 +332,6 @@ def test_an_ampersand_may_stand_by_itself(package: Path) -> None:
     config.write_text(config.read_text().replace("& car", "R&D; car"))
     with pytest.raises(BadWorld, match=r"model\.config:1: the SDF is not XML: undefined entity"):
         read(package, WORLD)
-
-
-def test_a_model_as_text_becomes_bodies_where_it_is_put(package: Path) -> None:
-    found = bodies_of_sdf_model(BOX, "mine", Pose3.planar(1.0, 2.0, math.pi / 2))
-    (body,) = found.bodies
-    assert (body.name, body.kind, body.mass) == ("mine", "movable", 1.0)
-    assert body.pose.position == (1.0, 2.0, 0.25)
-    with pytest.raises(BadWorld, match="the text has 0 models, not one"):
-        bodies_of_sdf_model("<sdf/>")
 
 
 def test_a_world_of_gazebo_may_have_any_name(tmp_path: Path) -> None:

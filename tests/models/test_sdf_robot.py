@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from xml.etree import ElementTree
 
 import pytest
@@ -88,6 +89,30 @@ def test_a_model_that_is_fixed_to_the_world_still_has_joints() -> None:
     assert {each.name: each.kind for each in parse_urdf(made.urdf).joints} == {"turn": "continuous", "odd": "fixed"}
     assert "joint 'odd' of the type 'ball' is fixed here" in made.notes[0]
     assert "joint 'loop' closes a loop" in made.notes[1]
+
+
+def test_moments_follow_from_all_shapes_and_their_orientation() -> None:
+    box = (
+        '<collision name="{}"><pose>{} 0 0 0 0 {}</pose><geometry><box><size>0.6 0.6 0.2</size></box></geometry>'
+        "</collision>"
+    )
+
+    def inertial_of(*parts: str) -> ElementTree.Element:
+        inertial = "<inertial><mass>3</mass></inertial>"
+        text = f'<sdf version="1.5"><model name="m"><link name="l">{inertial}{"".join(parts)}</link></model></sdf>'
+        found = ElementTree.fromstring(urdf_of_sdf(text).urdf).find("link/inertial")
+        assert found is not None
+        return found
+
+    def moments(inertial: ElementTree.Element) -> list[float]:
+        return [float(inertial.find("inertia").get(each)) for each in ("ixx", "iyy", "izz")]  # type: ignore[union-attr, arg-type]
+
+    x, y, z = 3 * (0.36 + 0.04) / 12, 3 * (0.36 + 0.04) / 12, 3 * (0.36 + 0.36) / 12
+    for yaw in (0.0, math.pi / 4, math.pi / 2):
+        assert moments(inertial_of(box.format("a", 0, yaw))) == pytest.approx([x, y, z])
+    both = inertial_of(box.format("a", 0.2, 0), box.format("b", 0.8, 0))
+    assert numbers(both.find("origin").get("xyz")) == pytest.approx([0.5, 0, 0])  # type: ignore[union-attr]
+    assert moments(both) == pytest.approx([x, y + 3 * 0.3**2, z + 3 * 0.3**2]), "Steiner"
 
 
 def test_what_is_no_model_is_said() -> None:

@@ -93,7 +93,7 @@ def test_a_request_to_a_wildcard_is_meant_for_nobody(session: zenoh.Session, key
             {"name": "x", "model": "burgr"},
             r"unknown model 'burgr'; did you mean 'burger'\? \(known: arm, arm_corrected, burger, ",
         ),
-        ({"name": "x", "model": "../../etc"}, "outside the folders from which a request may take files"),
+        ({"name": "x", "model": "../../etc"}, "outside the folders from which a request may read files"),
         ({"name": "", "model": "burger"}, "name"),
         ({"name": "a*", "model": "burger"}, "wildcards are not allowed"),
         ({"name": "3x", "model": "burger"}, "does not start with a digit"),

@@ -18,7 +18,7 @@ from messages.elea import Health
 from messages.geometry import Twist
 from services.runtime.graph import EVERYTHING, Entity
 from services.runtime.lockstep.protocol import grant_key, report_key
-from services.runtime.transport.unix_sockets import is_listening, router_endpoint
+from services.runtime.transport.unix_sockets import check_reachable, router_endpoint
 from services.runtime.transport.wire import encoding, member_id, pack_attachment, publisher_id
 from tests.harness.command_line import CommandLine
 from tests.harness.external_client import external_client
@@ -110,8 +110,8 @@ class Forger:
             mine = publisher_id(node, member, "r/cmd_vel")
             for marks in ({}, {"r/cmd_vel": {mine: 7}}, {"r/cmd_vel": {mine: FAR}}, {"r/odom": {b"x" * 16: FAR}}):
                 for tick in (-1, 0, 8, FAR):
-                    for leaving, greets in ((False, False), (True, False), (False, True)):
-                        done = [member, tick, marks, marks, leaving, greets, 0, b"t" * 8, b"n" * 8, 7]
+                    for leaving, answers_join in ((False, False), (True, False), (False, True)):
+                        done = [member, tick, marks, marks, leaving, answers_join, 0, b"t" * 8, b"n" * 8, 7]
                         self.session.put(report_key(sim), msgpack.packb(done))
                         self.session.put(report_key(sim), msgpack.packb([self.own, *done[1:]]))
             claims = (
@@ -170,7 +170,7 @@ def run(
 
 def _listens(port: int) -> bool:
     try:
-        is_listening(router_endpoint(port))
+        check_reachable(router_endpoint(port))
     except OSError:
         return False
     return True

@@ -184,7 +184,7 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
         t.wait_for_speed(0.12)
     terminal.run("down")
     told = (terminal.folder / "again" / "supervisor.log").read_text()
-    assert f"saved parameters win over the fleet's: {note}; --no-saved leaves them out" in told
+    assert f"saved parameters override the fleet file: {note}; --no-saved ignores them" in told
     assert [each.name for each in (terminal.folder / "params").glob("*.db")] == ["tuned.db"]
 
 
@@ -233,5 +233,5 @@ def test_a_service_starts_without_the_parameter_service_and_follows_it_when_it_c
             t.wait_for(PILOT, max_linear=(0.2, "fleet"))
         assert waypoint.text.count("parameter service") == 2
         assert params.stop() == 0
-        wait_until(lambda: "the parameter service is gone: the current values stay" in waypoint.text, 20)
+        wait_until(lambda: "the parameter service is gone: keeping the current values" in waypoint.text, 20)
         assert waypoint.status is None

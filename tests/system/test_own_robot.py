@@ -45,14 +45,14 @@ def test_a_robot_of_the_user_lives_beside_those_that_come_with_elea(tmp_path: Pa
     before = {each: each.stat().st_mtime_ns for each in (ROOT / "models").iterdir()}
     with background_fleet(tmp_path, FLEET) as fleet:
         told = fleet.run("sim", "spawn", str(xacro), "guest", "-x", "2", "--arg", "upper:=0.5")
-        assert "guest exists" in told.out
+        assert "spawned guest" in told.out
         (joint,) = fleet.run_json("sim", "joints", "guest")
         assert joint["upper"] == 0.5
         for request, reason in (
             ({"model": "/etc/passwd"}, "lies outside the folders"),
             ({"model": str(xacro)}, "a xacro is code"),
             ({"model": "robots/gone.urdf"}, "there is no file"),
-            ({"urdf": XACRO + body}, "is a xacro: it is code"),
+            ({"urdf": XACRO + body}, "is a xacro, which is code"),
             ({"urdf": ARMED.replace("2.0", "nan")}, "the URDF:3: link 'base_link': value='nan' is not a number"),
         ):
             refused = fleet.run("service", "call", "/sim/spawn", json.dumps({"name": "bad", **request}), status=1)
@@ -61,7 +61,7 @@ def test_a_robot_of_the_user_lives_beside_those_that_come_with_elea(tmp_path: Pa
         assert names == [("mine", "armed"), ("guest", "guest")]
         fleet.run("down")
         terminal = fleet.command_line
-        assert "mine: of armed is assumed" not in (tmp_path / "results" / "logs" / "sim.log").read_text()
+        assert "mine: assumptions about armed" not in (tmp_path / "results" / "logs" / "sim.log").read_text()
     assert before == {each: each.stat().st_mtime_ns for each in (ROOT / "models").iterdir()}
 
     typed = MessageDecoder()

@@ -118,7 +118,7 @@ def test_reset_world_keeps_time(running: TwoRobotSimulation) -> None:
 
 
 def test_what_is_deleted_is_gone(running: TwoRobotSimulation) -> None:
-    assert running.node.call(DELETE, Name(name="tb3_1")).text == "tb3_1 is gone"
+    assert running.node.call(DELETE, Name(name="tb3_1")).text == "deleted tb3_1"
     assert [each.name for each in running.node.call(LIST, Empty()).models] == ["tb3_0"]
     with pytest.raises(CallFailed, match=r"unknown model 'tb3_1'; did you mean 'tb3_0'"):
         running.node.call(GET_STATE, Name(name="tb3_1"))

@@ -29,7 +29,7 @@ from messages.topics import (
     TF_STATIC,
 )
 from models import urdf_path
-from models.urdf import link_offset
+from models.urdf import read_robot
 from services.runtime.graph import snapshot
 from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, distance, speed, time_of
 from tests.harness.waiting import wait_until
@@ -152,7 +152,8 @@ def test_frames_compose_to_ground_truth(running: TwoRobotSimulation, name: str) 
         compared += 1
         frames = {**still, **now}
         close(frame_in_world(frames, f"{name}/base_footprint"), frame_of_pose(exact[0].pose.pose))
-        offset = rotate(frame_of_pose(exact[0].pose.pose).rotation, link_offset(model_of(name), "base_scan"))
+        scan_offset = read_robot(model_of(name)).link_offset("base_scan")
+        offset = rotate(frame_of_pose(exact[0].pose.pose).rotation, scan_offset)
         place = frame_of_pose(exact[0].pose.pose).translation
         scan = frame_in_world(frames, f"{name}/base_scan")
         assert scan.translation == pytest.approx([a + b for a, b in zip(place, offset, strict=True)], abs=1e-9)

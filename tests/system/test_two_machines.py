@@ -12,7 +12,7 @@ from messages.names import Identity
 from messages.topics import HEALTH
 from services.runtime.log import Log
 from services.runtime.node import Node
-from services.runtime.transport.unix_sockets import is_listening, router_in
+from services.runtime.transport.unix_sockets import check_reachable, router_in
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.message_recorder import MessageRecorder
@@ -77,7 +77,7 @@ def test_who_joins_from_another_machine_is_told_to_use_star(tmp_path: Path) -> N
 
 def _listens(router: str) -> bool:
     try:
-        is_listening(router)
+        check_reachable(router)
     except OSError:
         return False
     return True

@@ -56,11 +56,11 @@ def several(title, lines):
 
 
 def length(seconds):
-    whole = int(seconds)
-    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    total = int(seconds)
+    hours, minutes, rest = total // 3600, total // 60 % 60, total % 60
     if hours:
-        return f"{hours}hr {minutes}:{rest:02d}s ({whole}s)"
-    return f"{minutes}:{rest:02d}s ({whole}s)" if minutes else f"{seconds:.1f}s"
+        return f"{hours}hr {minutes}:{rest:02d}s ({total}s)"
+    return f"{minutes}:{rest:02d}s ({total}s)" if minutes else f"{seconds:.1f}s"
 
 
 def moment(seconds):
@@ -84,13 +84,14 @@ def play(args):
     parser.add_argument("-l", "--loop", action="store_true", help="loop playback")
     parser.add_argument("-i", "--immediate", action="store_true", help="play back without waiting")
     parser.add_argument("--topics", nargs="+", help="topics to play back")
-    for ignored in (("-q", "--quiet"), ("-k", "--keep-alive"), ("--clock",), ("--pause",), ("--queue",)):
+    for ignored in (("-q", "--quiet"), ("-k", "--keep-alive"), ("--clock",), ("--pause",)):
         parser.add_argument(*ignored, action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--queue", type=int, help=argparse.SUPPRESS)
     given = parser.parse_args(args)
     if not 0 < given.rate < float("inf"):
-        sys.exit(f"rosbag play: --rate is more than 0, not {given.rate:g}")
+        sys.exit(f"rosbag play: --rate must be greater than 0, not {given.rate:g}")
     if given.clock:
-        print("--clock means nothing here: time is that of the fleet, or of the wall")
+        print("--clock is ignored: time is the fleet's simulation time, or wall time")
     bags = [rosbag.Bag(each) for each in given.bags]
     publishers = {}
     for bag in bags:

@@ -27,7 +27,7 @@ def proxy(node, name, kind):
     node = f"/{node.strip('/')}"
     if f"{node}/{name}" not in [each.name for each in running().graph() if each.kind == "srv"]:
         known = node in running().nodes()
-        sys.exit(f"ERROR: {node} has no loggers: it is no program of ROS 1" if known else f"ERROR: Unknown node {node}")
+        sys.exit(f"ERROR: {node} has no loggers: it is not a ROS 1 program" if known else f"ERROR: Unknown node {node}")
     return rospy.ServiceProxy(f"{node}/{name}", kind)
 
 

@@ -1,6 +1,7 @@
 # ruff: noqa: D103
 """rosnode: list, show and ping nodes, with the arguments and output of ROS 1."""
 
+import argparse
 import sys
 import time
 
@@ -34,8 +35,8 @@ def kill(args):
 
 def end_all(known):
     ended = [each for each in known if kernel().end_node(each, "user request")]
-    print("killing:\n" + "\n".join(f" * {each}" for each in ended) if ended else "no program of ROS 1 is running")
-    print("the nodes of the fleet go on: ./elea down ends it")
+    print("killing:\n" + "\n".join(f" * {each}" for each in ended) if ended else "no ROS 1 program is running")
+    print("the fleet's own nodes keep running; ./elea down stops the fleet")
 
 
 def chosen(known):
@@ -45,6 +46,17 @@ def chosen(known):
     if not number.isdigit() or not 0 < int(number) <= len(known):
         sys.exit(f"invalid choice {number!r}")
     return [known[int(number) - 1]]
+
+
+def ping(args):
+    parser = argparse.ArgumentParser(prog="rosnode ping")
+    parser.add_argument("node")
+    parser.add_argument("-c", dest="count", type=int, default=4, help="number of pings to send")
+    options = parser.parse_args(args)
+    for _ in range(options.count):
+        if not rosnode.rosnode_ping(options.node, verbose=True):
+            sys.exit(1)
+        time.sleep(1.0)
 
 
 def main():
@@ -60,16 +72,12 @@ def main():
                 sys.exit(f"ERROR: Unknown node {name}")
             print("-" * 80)
             rosnode.rosnode_info(name)
-    elif command == "ping" and args:
-        name = [each for each in args if not each.startswith("-")][-1]
-        for _ in range(4):
-            if not rosnode.rosnode_ping(name, verbose=True):
-                sys.exit(1)
-            time.sleep(1.0)
+    elif command == "ping":
+        ping(args)
     elif command == "kill":
         kill(args)
     elif command == "cleanup":
-        print("nodes that have ended are forgotten at once: there is nothing to clean up")
+        print("nodes that have ended are removed immediately: there is nothing to clean up")
     elif command == "machine":
         print("localhost")
     else:

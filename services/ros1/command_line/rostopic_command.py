@@ -4,6 +4,7 @@
 import argparse
 import sys
 import time
+from collections import deque
 
 import genpy
 import rosgraph
@@ -39,8 +40,8 @@ def list_topics(args):
 
 
 def inside(name, namespace):
-    wanted = "/" + namespace.strip("/")
-    return not namespace.strip("/") or name == wanted or name.startswith(f"{wanted}/")
+    prefix = "/" + namespace.strip("/")
+    return not namespace.strip("/") or name == prefix or name.startswith(f"{prefix}/")
 
 
 def echo(args):
@@ -62,13 +63,13 @@ def echo(args):
     if data_class is None:
         return
     left = [options.n or -1]
-    wanted = eval(f"lambda m: {options.filter}") if options.filter else lambda m: True
+    matches = eval(f"lambda m: {options.filter}") if options.filter else lambda m: True
 
     begun = False
 
     def show(message):
         nonlocal begun
-        if left[0] == 0 or not wanted(message):
+        if left[0] == 0 or not matches(message):
             return
         value = select(message) if select else message
         if value is None and select:
@@ -118,7 +119,7 @@ def leaves(value, name=""):
 
 def pub(args):
     parser = argparse.ArgumentParser(prog="rostopic pub")
-    parser.add_argument("-r", "--rate", type=float, help="publish again and again, at this rate (hz)")
+    parser.add_argument("-r", "--rate", type=float, help="publish repeatedly at this rate (hz)")
     parser.add_argument("-1", "--once", action="store_true", help="publish one message and exit")
     parser.add_argument("-l", "--latch", action="store_true", help="latch (with -r)")
     parser.add_argument("-f", "--file", help="read the arguments from a YAML file")
@@ -141,7 +142,7 @@ def pub(args):
         arguments = arguments[0]
     data_class = genpy.message.get_message_class(kind)
     if data_class is None:
-        sys.exit(f"ERROR: invalid message type: {kind}.\nrosmsg list shows those that there are")
+        sys.exit(f"ERROR: invalid message type: {kind}.\nrosmsg list shows the known types")
     rospy.init_node("rostopic", anonymous=True)
     message = data_class()
     now = rospy.get_rostime()
@@ -229,16 +230,17 @@ def bw(args):
     parser.add_argument("topic")
     options = parser.parse_args(args)
     rospy.init_node("rostopic", anonymous=True)
-    sizes = []
+    sizes, last = deque(maxlen=100), None
     name = rosgraph.names.script_resolve_name("rostopic", options.topic)
     rospy.Subscriber(name, rospy.AnyMsg, lambda message: sizes.append((time.time(), len(message._buff))))
     print(f"subscribed to [{name}]", flush=True)
     while not rospy.is_shutdown():
         time.sleep(1.0)
-        recent = sizes[-100:]
-        if len(recent) < 2:
+        recent = list(sizes)
+        if len(recent) < 2 or recent[-1] == last:
             print("no new messages", flush=True)
             continue
+        last = recent[-1]
         lengths = [size for _, size in recent]
         seconds = recent[-1][0] - recent[0][0]
         print(f"average: {sum(lengths[1:]) / max(seconds, 1e-9):.2f}B/s")
@@ -247,7 +249,7 @@ def bw(args):
 
 
 def delay(args):
-    sys.exit("rostopic delay is not here: ./elea topic delay measures it")
+    sys.exit("rostopic delay is not provided: use ./elea topic delay")
 
 
 def info(args):
@@ -287,7 +289,7 @@ def main():
     }
     args = rospy.myargv()[1:]
     if not args or args[0] not in table:
-        sys.stderr.write("Show, measure and publish topics, in the words of ROS 1.\n\nCommands:\n")
+        sys.stderr.write("Show, measure and publish topics, as rostopic of ROS 1.\n\nCommands:\n")
         sys.stderr.writelines(f"\trostopic {each}\n" for each in COMMANDS)
         sys.exit(0 if args and args[0] in ("-h", "--help") else 2)
     try:

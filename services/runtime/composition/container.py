@@ -106,13 +106,13 @@ class Container:
         """
         chosen, pattern = None if self._group is None else self._group.raw, ""
         for component in running:
-            raw, awaited = self._shared.source(component.inlet)
-            if raw is None or awaited.startswith(ADMIN_SPACE):
+            raw, key = self._shared.source(component.awaited)
+            if raw is None or key.startswith(ADMIN_SPACE):
                 continue  # it waits for a reply, for lockstep, or only for a wake-up
             if chosen is None:
-                chosen, pattern = raw, awaited
-            elif awaited != pattern and awaited not in self._alarms:
-                self._alarms[awaited] = self._transport.subscribe(awaited, 1, notify=self._transport.wake)
+                chosen, pattern = raw, key
+            elif key != pattern and key not in self._alarms:
+                self._alarms[key] = self._transport.subscribe(key, 1, notify=self._transport.wake)
         self._transport.wait(chosen or idle)
         if chosen is None:
             idle.recv()
@@ -121,14 +121,14 @@ class Container:
 
 
 class _Component:
-    """One node of a container: its loop in a greenlet, and the subscription that it waits for, if any (``inlet``)."""
+    """One node of a container: its loop in a greenlet, and the subscription that it waits for, if any (``awaited``)."""
 
     def __init__(
         self, shared: SharedConnection, identity: Identity, kind: str, log: Log, loop: Loop, steps: bool
     ) -> None:
         self.node = Node(NodeTransport(shared, self._give_way), identity, kind, log, sole=False)
         self.steps = steps
-        self.inlet: RawSubscriber | None = None
+        self.awaited: RawSubscriber | None = None
         self.error: BaseException | None = None
         self._loop = loop
         self._claim: Token | None = None
@@ -166,12 +166,12 @@ class _Component:
         except BaseException as error:  # noqa: BLE001 whatever it is, the container raises it in its own loop
             self.error = error
 
-    def _give_way(self, inlet: RawSubscriber | None) -> None:
+    def _give_way(self, subscriber: RawSubscriber | None) -> None:
         """Switch to the other loops until there may be work for this one; called by the loop."""
         assert self._greenlet is not None
-        self.inlet = inlet
+        self.awaited = subscriber
         self._greenlet.parent.switch()
-        if inlet is None:  # for a reply
+        if subscriber is None:  # for a reply
             if self.node.stopping:
                 raise Stopped("the process was asked to end while it waited for an answer")
             self.node.publish_heartbeat()

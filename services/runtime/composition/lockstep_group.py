@@ -27,7 +27,7 @@ class LockstepGroup:
         self.send_buffer = SendBuffer()
         self.command_buffer = SendBuffer()
         """The commands of all nodes, which act in the same tick: they are sent together, before the Done."""
-        self._views: dict[str, GroupedPacer] = {}
+        self._pacers: dict[str, GroupedPacer] = {}
         self._period_ns = 0
         self._pacer: LockstepPacer | None = None
         self._idle = idle_subscriber(transport)
@@ -46,31 +46,31 @@ class LockstepGroup:
         name = node.identity.node
         if reports_reads:
             raise BadInput(f"{name} subscribes to topics between its ticks: in lockstep it needs a process of its own")
-        if self._views and period_ns != self._period_ns:
-            other = next(iter(self._views))
+        if self._pacers and period_ns != self._period_ns:
+            other = next(iter(self._pacers))
             raise BadInput(
                 f"{name} ticks at {1e9 / period_ns:g} Hz and {other} at {1e9 / self._period_ns:g} Hz: nodes that share "
                 "a process in lockstep have one rate"
             )
         self._period_ns = period_ns
-        made = self._views[name] = GroupedPacer(self, name, self._idle)
+        made = self._pacers[name] = GroupedPacer(self, name, self._idle)
         return made
 
     def poll(self) -> None:
         """Begin the step of all nodes if the simulation has granted one."""
         if self._pacer is None or self._busy or (instant := self._pacer.next()) is None:
             return
-        marks = self._pacer.watermarks
-        assert marks is not None
+        watermarks = self._pacer.watermarks
+        assert watermarks is not None
         self.command_buffer.begin()
-        for name, view in self._views.items():
+        for name, pacer in self._pacers.items():
             self._busy.add(name)
-            view.begin(instant, marks)
-        marks.clear_required()
+            pacer.begin(instant, watermarks)
+        watermarks.clear_required()
 
     def start(self, name: str) -> None:
         """Note that a node's inputs are declared, and join lockstep once all are."""
-        self._views[name].started = True
+        self._pacers[name].started = True
         self._join()
 
     def finish(self, name: str) -> None:
@@ -86,12 +86,12 @@ class LockstepGroup:
         name = node.identity.node
         self.command_buffer.flush()
         self._nodes = [each for each in self._nodes if each is not node]
-        view = self._views.pop(name, None)
+        pacer = self._pacers.pop(name, None)
         if self._pacer is None:
             self._join()
-        elif not self._views:
+        elif not self._pacers:
             self._pacer.close()
-        elif view is not None:
+        elif pacer is not None:
             self._left.append(name)
             if name in self._busy:
                 self.finish(name)
@@ -101,9 +101,11 @@ class LockstepGroup:
         if (
             self._pacer is None
             and self._nodes
-            and all((view := self._views.get(each.identity.node)) is not None and view.started for each in self._nodes)
+            and all(
+                (pacer := self._pacers.get(each.identity.node)) is not None and pacer.started for each in self._nodes
+            )
         ):
-            self._pacer = LockstepPacer(_Together(self._transport, self._nodes, self.send_buffer), self._period_ns)
+            self._pacer = LockstepPacer(_GroupNode(self._transport, self._nodes, self.send_buffer), self._period_ns)
             self._pacer.start()
 
 
@@ -120,13 +122,13 @@ class GroupedPacer:
     def start(self) -> None:
         self._group.start(self._name)
 
-    def begin(self, instant: Instant, marks: Watermarks) -> None:
+    def begin(self, instant: Instant, watermarks: Watermarks) -> None:
         """Begin a step with the group's watermarks; each node waits for its required samples itself."""
         self._instant = instant
         own = self.watermarks
         assert own is not None
-        own.members, own.admitted_upto, own.skipped = marks.members, marks.admitted_upto, marks.skipped
-        own.required, own.epoch_changed = marks.required, marks.epoch_changed
+        own.members, own.admitted_upto, own.skipped = watermarks.members, watermarks.admitted_upto, watermarks.skipped
+        own.required, own.epoch_changed = watermarks.required, watermarks.epoch_changed
 
     def next(self) -> Instant | None:
         instant, self._instant = self._instant, None
@@ -139,7 +141,7 @@ class GroupedPacer:
         """Do nothing: the container removes the node from the group when its loop has ended."""
 
 
-class _Together:
+class _GroupNode:
     """The nodes of a group as one member of lockstep."""
 
     def __init__(self, transport: Transport, nodes: Sequence[Node], send_buffer: SendBuffer) -> None:

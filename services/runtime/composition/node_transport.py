@@ -51,11 +51,11 @@ class SharedConnection:
         self._patterns[made] = key
         return made
 
-    def source(self, inlet: RawSubscriber | None) -> tuple[RawSubscriber | None, str]:
+    def source(self, subscriber: RawSubscriber | None) -> tuple[RawSubscriber | None, str]:
         """Return the network subscription behind a node's, and its key; None and an empty key if there is none."""
-        if isinstance(inlet, SubscriberView):
-            return inlet.shared.raw, inlet.shared.key
-        return (inlet, self._patterns[inlet]) if inlet in self._patterns else (None, "")
+        if isinstance(subscriber, SubscriberView):
+            return subscriber.shared.raw, subscriber.shared.key
+        return (subscriber, self._patterns[subscriber]) if subscriber in self._patterns else (None, "")
 
     def subscribe(self, key: str, capacity: int) -> SubscriberView:
         """Return a view on the samples of ``key``; one subscription receives them for all nodes."""
@@ -270,8 +270,8 @@ class NodeTransport:
     def watch(self, pattern: str) -> TokenWatch:
         return self._shared.watch(pattern)
 
-    def wait(self, inlet: RawSubscriber) -> None:
-        self._give_way(inlet)
+    def wait(self, subscriber: RawSubscriber) -> None:
+        self._give_way(subscriber)
 
     def wake(self) -> None:
         self._transport.wake()

@@ -50,13 +50,13 @@ SILENT_S = 30.0
 """Wall time [s] after which a member without answer and heartbeat is dropped; a supervisor ends a hung one sooner."""
 MAX_WAIT_S = 300.0
 """The same for a member with heartbeats: it is slow, not dead."""
-LOOK_S = 0.25
+RESEND_S = 0.25
 """Wall time [s] after which a message to a late member is repeated: a flood may have pushed out the first."""
 TOKEN_S = 30.0
 """Maximum wall time [s] for the token of a new subscription to arrive, while its process is there."""
 LAST_REPORT_S = 0.5
 """Wall time [s] to wait for the report of a member whose token has disappeared: tokens overtake reports."""
-MAX_LOOK_S = 0.5
+MAX_COUNTED_S = 0.5
 """Maximum waiting time [s] counted per check: a machine too busy to check has not waited."""
 MAX_IDLE_NS = 100_000_000
 """Maximum simulation time [ns] for which an idle member gets no step. Events other than messages, such as a request to
@@ -91,7 +91,7 @@ class Barrier:
     def __init__(
         self,
         transport: Transport,
-        outbox: SendBuffer,
+        send_buffer: SendBuffer,
         roster: tuple[str, ...],
         log: Log,
         idle: Callable[[RawSubscriber], None],
@@ -100,7 +100,7 @@ class Barrier:
     ) -> None:
         self.watermarks = Watermarks()
         self.refusals = RefusalCounter("lockstep: Done")
-        self._transport, self._outbox, self._roster = transport, outbox, dict.fromkeys(roster)
+        self._transport, self._send_buffer, self._roster = transport, send_buffer, dict.fromkeys(roster)
         self._log, self._idle, self._now = log, idle, now
         self._key = report_key(transport.session)
         self._raw = transport.subscribe(self._key, QUEUE_SIZE)
@@ -175,7 +175,7 @@ class Barrier:
         last = looked = time.monotonic()
         while True:
             now = time.monotonic()
-            passed = min(now - last, MAX_LOOK_S)
+            passed = min(now - last, MAX_COUNTED_S)
             last, waited, without = now, waited + passed, without + passed
             if now - looked > RETRY_S:
                 looked = now
@@ -190,11 +190,11 @@ class Barrier:
                 most, without = come, 0.0
             if without > GATHER_S:
                 self._lost |= dict.fromkeys(missing)
-                self._log.error(f"{', '.join(missing)} not there after {waited:.0f} s: time begins without")
+                self._log.error(f"{', '.join(missing)} did not join within {waited:.0f} s: time starts without them")
                 break
             if waited - reported > REPORT_S:
                 reported = waited
-                self._log.warn(f"waiting for {', '.join(missing)} since {waited:.0f} s: did they start?")
+                self._log.warn(f"waiting for {', '.join(missing)} for {waited:.0f} s: did they start?")
             self._idle(self._raw)
             meanwhile()
         self._begun = True
@@ -273,7 +273,7 @@ class Barrier:
                 break
             if interrupted():
                 return False
-            if (now := time.monotonic()) - last > LOOK_S:
+            if (now := time.monotonic()) - last > RESEND_S:
                 self._retry([self._members[each] for each in self._pending if each in late], now - last)
                 last = now
             self._idle(self._raw)
@@ -366,20 +366,20 @@ class Barrier:
         beats = {origin.publisher for origin in origins if origin is not None}
         now = time.monotonic()
         for member in late:
-            passed = min(passed, MAX_LOOK_S)
+            passed = min(passed, MAX_COUNTED_S)
             member.waited += passed
             member.unresponsive += passed
             if member.unresponsive > 1.0 and any(
                 publisher_id(node, member.session, _HEALTH_KEY) in beats for node in member.ids
             ):
                 member.unresponsive = 0.0
-            if now - member.asked_at > LOOK_S:
+            if now - member.asked_at > RESEND_S:
                 member.asked_at = now
-                self._outbox.put(member.raw.put, member.asked, b"")
+                self._send_buffer.put(member.raw.put, member.asked, b"")
         slow = [member for member in late if member.waited > REPORT_S]
         if slow:
-            listed = ", ".join(f"{member.name} since {member.waited:.0f} s" for member in slow)
-            self._log.warn(f"the simulation waits for {listed}: is it computing, or does it hang?", every=REPORT_S)
+            listed = ", ".join(f"{member.name} for {member.waited:.0f} s" for member in slow)
+            self._log.warn(f"the simulation has been waiting for {listed}: is it computing, or hung?", every=REPORT_S)
         for member in slow:
             if member.unresponsive > SILENT_S or member.waited > MAX_WAIT_S:
                 why = f"no answer for {member.waited:.0f} s, no sign of life for {member.unresponsive:.0f} s"
@@ -486,20 +486,20 @@ class Barrier:
         """Send a join, and repeat it until it is answered: either message may be lost while links come up."""
         now = time.monotonic()
         if not member.asked:
-            greeting = msgspec.structs.replace(self._now(), roster=self._present(), token=member.token)
-            member.asked = encode(greeting)
+            join = msgspec.structs.replace(self._now(), roster=self._present(), token=member.token)
+            member.asked = encode(join)
         elif now - member.asked_at > RETRY_S:
             member.waited += RETRY_S
         else:
             return
         member.asked_at = now
-        self._outbox.put(member.raw.put, member.asked, b"")
+        self._send_buffer.put(member.raw.put, member.asked, b"")
 
     def _add(self, nodes: Iterable[str], session: str) -> MemberState:
         self._generation += 1
-        outlet = self._transport.advertise(grant_key(session), ENCODING, Quality.EVENT)
+        publisher = self._transport.advertise(grant_key(session), ENCODING, Quality.EVENT)
         ids = {node: member_id(node, session) for node in sorted(nodes)}
-        member = MemberState(ids, session, outlet, secrets.token_bytes(TOKEN_BYTES))
+        member = MemberState(ids, session, publisher, secrets.token_bytes(TOKEN_BYTES))
         self._members[session] = member
         self._regroup()
         return member
@@ -516,7 +516,7 @@ class Barrier:
                 del self._declared[key]
         self._latching = {each for each in self._latching if not member.owns(each)}
         self._regroup()
-        self._outbox.flush()
+        self._send_buffer.flush()
         member.raw.close()
 
     def _regroup(self) -> None:
@@ -540,22 +540,23 @@ class Barrier:
             own = member_id(SIMULATION, self._transport.session)
             others = (each for each in self._members.values() if each is not member)
             members = (*(number for each in others for number in each.ids.values()), own)
-        marks, known, member.sequence_numbers, member.announced = member.sequence_numbers, member.announced, {}, {}
+        numbers, member.sequence_numbers = member.sequence_numbers, {}
+        announced, member.announced = member.announced, {}
         skipped, member.skipped = member.skipped, {}
         readers, member.readers = self._still_reading(member.readers), {}
-        leave = msgspec.structs.replace(
+        grant = msgspec.structs.replace(
             go,
             members=members,
-            marks=marks,
-            known=known,
+            sequence_numbers=numbers,
+            announced=announced,
             token=member.token,
             nonce=member.nonce,
             skipped=skipped,
             readers=readers,
         )
-        member.asked, member.asked_at = encode(leave), time.monotonic()
+        member.asked, member.asked_at = encode(grant), time.monotonic()
         member.waited = member.unresponsive = 0.0
-        self._outbox.put(member.raw.put, member.asked, b"")
+        self._send_buffer.put(member.raw.put, member.asked, b"")
 
     def _still_reading(self, readers: Mapping[str, Iterable[str]]) -> dict[str, tuple[str, ...]]:
         """Return the subscriptions, sessions by key, whose tokens are still there."""
@@ -574,7 +575,7 @@ class Barrier:
 
     def _pause(self, member: MemberState, go: StepGrant) -> None:
         addressed = msgspec.structs.replace(go, token=member.token, nonce=member.nonce)
-        self._outbox.put(member.raw.put, encode(addressed), b"")
+        self._send_buffer.put(member.raw.put, encode(addressed), b"")
 
     def _receive(self) -> None:
         for payload, _, source in islice(iter(self._raw.recv, None), QUEUE_SIZE):
@@ -602,7 +603,7 @@ class Barrier:
             return f"for {member.name}, without the token that was sent to it: it is forged"
         if done.leaving and done.tick < 0:
             self._leave(member)
-        elif done.greets:
+        elif done.answers_join:
             if not member.active:
                 if fault := member.account(done):
                     return fault
@@ -659,9 +660,9 @@ class Barrier:
 
     def _receive_report(self, done: StepReport) -> None:
         """Admit the samples that a member reports as sent."""
-        self._broadcast(done.marks, "sequence_numbers", done.session)
-        self._broadcast(done.known, "announced", done.session)
-        self.watermarks.advance(done.marks, done.known)
+        self._broadcast(done.sequence_numbers, "sequence_numbers", done.session)
+        self._broadcast(done.announced, "announced", done.session)
+        self.watermarks.advance(done.sequence_numbers, done.announced)
         if done.latches:
             member = self._members.get(done.session)
             self._latching |= {each for each in done.latches if member and member.owns(each)}

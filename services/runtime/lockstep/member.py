@@ -84,10 +84,10 @@ class LockstepMember:
     def poll(self) -> StepGrant | None:
         """Return the next Go or join, or None; messages of other senders are counted and dropped."""
         self._watch_simulations()
-        for session, greeting in self._early.items():
+        for session, join in self._early.items():
             if session in self._candidates:
                 del self._early[session]
-                return greeting
+                return join
         for payload, _, source in islice(iter(self.raw.recv, None), QUEUE_SIZE):
             if self.raw.key(source) != self._key or len(payload) > MAX_BYTES:
                 self.refusals.reject("sent to many keys at once, or too large")
@@ -109,8 +109,8 @@ class LockstepMember:
     def finish(
         self,
         tick: int,
-        marks: Numbers,
-        known: Numbers,
+        sequence_numbers: Numbers,
+        announced: Numbers,
         reads: tuple[str, ...] = (),
         latches: tuple[bytes, ...] = (),
         leaving: bool = False,
@@ -123,8 +123,8 @@ class LockstepMember:
         self._done = StepReport(
             session=self._transport.session,
             tick=tick,
-            marks=marks,
-            known=known,
+            sequence_numbers=sequence_numbers,
+            announced=announced,
             epoch=self._go.epoch,
             token=self._go.token,
             reads=reads,
@@ -133,25 +133,27 @@ class LockstepMember:
             left=left,
             idle_until=idle_until,
         )
-        self._note_sent(marks, known)
+        self._note_sent(sequence_numbers, announced)
         self._left += left
         self._report(self._go.simulation, self._done)
 
-    def send_join(self, greeting: StepGrant, marks: Numbers, known: Numbers, latches: tuple[bytes, ...] = ()) -> None:
+    def send_join(
+        self, join: StepGrant, sequence_numbers: Numbers, announced: Numbers, latches: tuple[bytes, ...] = ()
+    ) -> None:
         """Answer a join; a repeated one, after a lost answer, is answered again."""
-        session = greeting.simulation
+        session = join.simulation
         done = StepReport(
             session=self._transport.session,
-            tick=greeting.tick,
-            marks=marks,
-            known=known,
-            greets=True,
-            token=greeting.token,
+            tick=join.tick,
+            sequence_numbers=sequence_numbers,
+            announced=announced,
+            answers_join=True,
+            token=join.token,
             nonce=self._nonce_for(session),
             period=self._period_ns,
             latches=latches,
         )
-        self._note_sent(marks, known)
+        self._note_sent(sequence_numbers, announced)
         self._report(session, done)
 
     def close(self) -> None:
@@ -173,23 +175,23 @@ class LockstepMember:
             self._early.pop(entity.session, None)
             if (
                 entity.session != self._simulation
-                and (outlet := self._publishers.pop(entity.session, None)) is not None
+                and (publisher := self._publishers.pop(entity.session, None)) is not None
             ):
-                outlet.close()
+                publisher.close()
 
     def _joined(self, go: StepGrant) -> StepGrant | None:
         """Return a join if its sender may lead this member. It is not yet proven, so no other content is used."""
         session = go.simulation
         if session != self._simulation and self._simulation in self._candidates:
-            self.refusals.reject(f"greeted by {session}; the simulation is {self._simulation}")
+            self.refusals.reject(f"a join from {session}; the simulation is {self._simulation}")
         elif not set(self._nodes) <= set(go.roster) or not _names(go.roster):
-            self.refusals.reject("greeted with a roster without this node, or with what are no names")
+            self.refusals.reject("a join whose roster lacks this node or contains invalid names")
         elif session not in self._candidates:
             # Its token may appear a moment later: then the join is accepted.
             self._early[session] = go
             if len(self._early) > _EARLY:
                 del self._early[next(iter(self._early))]
-                self.refusals.reject(f"greeted by {session}, which holds no token of {SIMULATION}")
+                self.refusals.reject(f"a join from {session}, which holds no token of {SIMULATION}")
         elif session not in self._publishers and len(self._publishers) >= _MAX_CANDIDATES:
             self.refusals.reject(f"more than {_MAX_CANDIDATES} sessions call themselves {SIMULATION}")
         else:
@@ -215,7 +217,7 @@ class LockstepMember:
         self._go, self._last, self._done = go, here, None
         if go.members:
             self.watermarks.regroup({*go.members, *self._own})
-        self.watermarks.advance(go.marks, go.known)
+        self.watermarks.advance(go.sequence_numbers, go.announced)
         for sent in self._sent:
             self.watermarks.advance(*sent)
         self._sent.clear()
@@ -250,22 +252,22 @@ class LockstepMember:
             return f"tick {go.tick} of epoch {go.epoch} after tick {tick} of epoch {epoch}"
         if epoch >= 0 and (go.epoch - epoch > MAX_JUMP or (go.epoch == epoch and go.tick - tick > MAX_JUMP)):
             return f"tick {go.tick} of epoch {go.epoch} after tick {tick} of epoch {epoch}: too far"
-        return self.watermarks.implausible(go.marks)
+        return self.watermarks.implausible(go.sequence_numbers)
 
-    def _note_sent(self, marks: Numbers, known: Numbers) -> None:
+    def _note_sent(self, sequence_numbers: Numbers, announced: Numbers) -> None:
         if self._own:
-            self._sent.append((marks, known))
+            self._sent.append((sequence_numbers, announced))
 
     def _nonce_for(self, session: str) -> bytes:
         """Return this member's nonce for one simulation: a keyed hash of its session."""
         return hashlib.blake2b(session.encode(), key=self._secret, digest_size=TOKEN_BYTES).digest()
 
     def _report(self, simulation: str, done: StepReport) -> None:
-        outlet = self._publishers.get(simulation)
-        if outlet is None:
-            outlet = self._transport.advertise(report_key(simulation), ENCODING, Quality.EVENT)
-            self._publishers[simulation] = outlet
-        outlet.put(encode(done), attachment=b"")
+        publisher = self._publishers.get(simulation)
+        if publisher is None:
+            publisher = self._transport.advertise(report_key(simulation), ENCODING, Quality.EVENT)
+            self._publishers[simulation] = publisher
+        publisher.put(encode(done), attachment=b"")
 
 
 def _names(roster: Iterable[str]) -> bool:

@@ -68,13 +68,13 @@ class MemberState:
 
     def account(self, done: StepReport) -> str:
         """Record the numbers of a report; returns why they are refused, empty if they are accepted."""
-        if done.greets and (done.period <= 0 or done.period % STEP_NS):
+        if done.answers_join and (done.period <= 0 or done.period % STEP_NS):
             return f"{self.name} asks to step every {done.period} ns, which is not a whole number of physics steps"
-        numbers = {each: number for news in (done.marks, done.known) for each, number in _flat(news)}
+        numbers = {each: number for news in (done.sequence_numbers, done.announced) for each, number in _flat(news)}
         for publisher, number in numbers.items():
             if not self.owns(publisher):
                 return f"{self.name} reports the numbers of another node's publisher"
-            last = self.sent.get(publisher, number if done.greets else 0)
+            last = self.sent.get(publisher, number if done.answers_join else 0)
             if not last <= number <= last + MAX_JUMP:
                 return f"{self.name} reports number {number} of a publisher after {last}"
         self.sent.update(numbers)

@@ -57,8 +57,8 @@ class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     paused: bool = False
     roster: Annotated[tuple[str, ...], Meta(max_length=1 << 14)] = ()
     members: tuple[Annotated[bytes, Meta(min_length=MEMBER_BYTES, max_length=MEMBER_BYTES)], ...] = ()
-    marks: Numbers = {}
-    known: Numbers = {}
+    sequence_numbers: Numbers = {}
+    announced: Numbers = {}
     token: _Token = b""
     nonce: _Token = b""
     skipped: Numbers = {}
@@ -66,22 +66,23 @@ class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class StepReport(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
-    """Done: a step is finished; ``known`` has the numbers of samples sent before the peers were sure to receive them.
+    """Done: a step is finished.
 
-    A member that is ``leaving`` takes no further steps; ``tick`` is then its last one, or negative. A report that
-    ``greets`` answers a join instead of a step, and has the ``period`` [ns] of the member's steps. ``reads`` are the
-    keys to which the member has subscribed in this step: it receives the samples sent from the next step on.
-    ``latches`` are its new publishers of latched topics, whose last sample such a subscriber receives. ``left`` are
-    nodes that take no further steps, while others of their process do. Before ``idle_until`` [ns of simulation time]
-    the member has nothing to do unless something is sent to it: the simulation may skip its steps until then.
+    ``announced`` has the numbers of samples sent before the peers were sure to receive them. A member that is
+    ``leaving`` takes no further steps; ``tick`` is then its last one, or negative. With ``answers_join`` it answers a
+    join instead of a step, and has the ``period`` [ns] of the member's steps. ``reads`` are the keys to which the
+    member has subscribed in this step: it receives the samples sent from the next step on. ``latches`` are its new
+    publishers of latched topics, whose last sample such a subscriber receives. ``left`` are nodes that take no further
+    steps, while others of their process do. Before ``idle_until`` [ns of simulation time] the member has nothing to do
+    unless something is sent to it: the simulation may skip its steps until then.
     """
 
     session: Session
     tick: Annotated[int, Meta(ge=-1, le=1 << 62)]
-    marks: Numbers = {}
-    known: Numbers = {}
+    sequence_numbers: Numbers = {}
+    announced: Numbers = {}
     leaving: bool = False
-    greets: bool = False
+    answers_join: bool = False
     epoch: _Instant = 0
     token: _Token = b""
     nonce: _Token = b""

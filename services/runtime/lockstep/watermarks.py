@@ -32,13 +32,13 @@ class Watermarks:
         self.required: Numbers = {}
         self.skipped: Numbers = {}
 
-    def advance(self, news: Numbers, known: Numbers | None = None) -> None:
+    def advance(self, news: Numbers, announced: Numbers | None = None) -> None:
         """Admit all samples up to these numbers; those in ``news`` are also required, until ``clear_required``.
 
-        ``known`` were sent before their subscribers were certain to receive them: they are admitted if they arrive.
+        ``announced`` were sent before the subscribers were sure to receive them: they are admitted if they arrive.
         """
-        if known:
-            merge_numbers(self.admitted_upto, known)
+        if announced:
+            merge_numbers(self.admitted_upto, announced)
         merge_numbers(self.admitted_upto, news)
         merge_numbers(self.required, news)
 

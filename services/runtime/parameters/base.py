@@ -55,7 +55,7 @@ def param(
 
 
 def _annotated(hint: Any, meta: Meta) -> Any:
-    """Annotate a type hint with ``meta``; in an optional one, the type beside None."""
+    """Annotate a type hint with ``meta``; in an optional one, the type other than None."""
     if isinstance(hint, str):
         text = hint.removesuffix("None").rstrip().removesuffix("|")
         return Annotated[hint, meta] if text in (hint, "") else Annotated[text.strip(), meta] | None

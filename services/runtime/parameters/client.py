@@ -7,16 +7,16 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol, Self, TypeVar
 
-from messages.base import Message, WrongPayload, decoder, encode
+from messages.base import Message, encode
 from messages.names import key as key_of
 from messages.parameters import Announcement, Assignment, ParameterDescription, ParameterValues, UndoParameters
-from messages.requests import PARAMS_ANNOUNCE, PARAMS_UNDO, Refusal, Request
+from messages.requests import PARAMS_ANNOUNCE, PARAMS_UNDO, Request
 from services.runtime.errors import CallFailed, NoAnswer, TryAgain
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
 from services.runtime.node import Node
-from services.runtime.requests import INTERNAL, call, check_single, read_replies
+from services.runtime.requests import INTERNAL, call, check_single, decode_response, read_replies, refusal_reason
 from services.runtime.transport.api import TIMEOUT, PendingReplies, Transport
 from services.runtime.transport.wire import MEMBER_BYTES, NODE_BYTES, member_id, publisher_id
 
@@ -28,7 +28,6 @@ TRY_TIMEOUT_S = 2.0
 LAST_TRY_S = 1.0
 """Wall time [s] to wait for a server of the request if the network reports that there is none."""
 _PAUSE_S = 0.1
-_read_refusal = decoder(Refusal)
 
 
 class OutcomeUnknown(CallFailed):
@@ -74,37 +73,19 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
         check_single(request.name, replies, transport)
         for reply in replies:
             if reply.ok:
-                return _decode_reply(request, reply.payload)
-            if (reason := _reason(reply.payload)) is not None:
+                return decode_response(request, request.name, reply.payload)
+            if reply.payload != TIMEOUT:
+                reason = refusal_reason(reply.payload)
                 if not reason.startswith(INTERNAL):
                     raise CallFailed(reason)
                 failure = f"; the last answer: {reason}"
         time.sleep(_PAUSE_S)
 
 
-def _decode_reply(request: Request[Q, R], payload: bytes) -> R:
-    try:
-        return decoder(request.response_type)(payload)
-    except WrongPayload as error:
-        raise CallFailed(
-            f"{request.name} answered with something else than a {request.response_type.__name__}: {error}"
-        ) from None
-
-
-def _reason(payload: bytes) -> str | None:
-    """Return the reason of a refusal; None for a timeout."""
-    if payload == TIMEOUT:
-        return None
-    try:
-        return _read_refusal(payload).reason
-    except WrongPayload:
-        return f"refused without a reason that can be read: {payload[:80]!r}"
-
-
 AUTHORITY = PARAMS_ANNOUNCE.name.rpartition("/")[0]
 """The node of the parameter service: ``/params``."""
 
-SIGHT_S = 0.25
+DISCOVERY_S = 0.25
 """Wall time [s] that a starting node waits for a parameter service that is not visible at once."""
 START_S = 2.0
 """Wall time [s] that a starting node waits for the answer of a visible parameter service."""
@@ -174,7 +155,7 @@ class ParameterClient:
     @property
     def unanswered(self) -> bool:
         """Whether a set announced to a visible parameter service has got neither values nor a refusal yet."""
-        return self.available and any(not followed.refused for followed in self._asking)
+        return self.available and any(not parameters.refused for parameters in self._asking)
 
     def expect(self, stopping: Callable[[], bool]) -> None:
         """Block until the parameter service is visible, AWAIT_S have passed since the first call, or the process is to
@@ -186,7 +167,7 @@ class ParameterClient:
             self._poll_tokens()
             time.sleep(0.01)
 
-    def attach(self, followed: ParameterSet, wait: bool = True) -> None:
+    def attach(self, parameters: ParameterSet, wait: bool = True) -> None:
         """Announce a set; with ``wait``, block until it is answered or START_S have passed.
 
         An expected service is called again until the time of ``expect`` is over: it may be visible before the link to
@@ -196,22 +177,20 @@ class ParameterClient:
             self._poll_tokens()
             if wait and not self._quiet and self._transport.settle_s:
                 self._check_presence()
-        self._sets.append(followed)
+        self._sets.append(parameters)
         if not self.available:
-            self._note_absent(
-                "no parameter service is visible: running on its own values; it is followed when it appears"
-            )
+            self._note_absent("no parameter service is visible: using this node's own values until one appears")
         elif not wait or self._quiet:
-            self._ask(followed)
+            self._ask(parameters)
         else:
-            self._announce(followed)
+            self._announce(parameters)
 
-    def detach(self, followed: ParameterSet) -> None:
+    def detach(self, parameters: ParameterSet) -> None:
         """Remove a set, and notify the parameter service."""
-        self._sets.remove(followed)
-        self._asking.pop(followed, None)
+        self._sets.remove(parameters)
+        self._asking.pop(parameters, None)
         if self.available:
-            leaving = Announcement(set=followed.set, node=self._node, leaves=True)
+            leaving = Announcement(set=parameters.set, node=self._node, leaves=True)
             self._leaving.append(self._transport.query_async(_KEY, encode(leaving), ANSWER_S))
 
     def next_id(self) -> str:
@@ -228,12 +207,12 @@ class ParameterClient:
         if self._undoing:
             self._undoing = [each for each in self._undoing if not self._undone(*each)]
 
-    def request_undo(self, followed: ParameterSet, revision: int, reason: str) -> None:
+    def request_undo(self, parameters: ParameterSet, revision: int, reason: str) -> None:
         """Ask the parameter service to undo a change that this node rejects, so that all nodes have the same values."""
         who = f"{self._node}: {reason}"[:255]
-        asked = UndoParameters(set=followed.set, revision=revision, id=self.next_id(), who=who)
+        asked = UndoParameters(set=parameters.set, revision=revision, id=self.next_id(), who=who)
         key = key_of(PARAMS_UNDO.name)
-        self._undoing.append((self._transport.query_async(key, encode(asked), ANSWER_S), followed.set))
+        self._undoing.append((self._transport.query_async(key, encode(asked), ANSWER_S), parameters.set))
 
     def trusts(self, publisher: bytes, key: str) -> bool:
         """Return whether a publisher of ``key`` is the parameter service, by its token or as a lockstep member."""
@@ -244,14 +223,14 @@ class ParameterClient:
         return same and self.watermarks is not None and member in self.watermarks.members
 
     def _check_presence(self) -> None:
-        """Wait up to SIGHT_S for a service: while links come up, it may be invisible for a moment."""
-        deadline = time.monotonic() + SIGHT_S
+        """Wait up to DISCOVERY_S for a service: while links come up, it may be invisible for a moment."""
+        deadline = time.monotonic() + DISCOVERY_S
         while not self.available and time.monotonic() < deadline:
-            time.sleep(SIGHT_S / 5)
+            time.sleep(DISCOVERY_S / 5)
             self._poll_tokens()
 
-    def _announce(self, followed: ParameterSet) -> None:
-        announced = announcement(self._node, followed)
+    def _announce(self, parameters: ParameterSet) -> None:
+        announced = announcement(self._node, parameters)
         while True:
             try:
                 answer = call(self._transport, PARAMS_ANNOUNCE, _KEY, announced, START_S)
@@ -259,9 +238,9 @@ class ParameterClient:
                 if isinstance(error, NoAnswer) and self._patience is not None and self._patience():
                     time.sleep(0.01)
                     continue
-                self._fail(followed, error)
+                self._fail(parameters, error)
             else:
-                followed.apply_initial(answer, self._source())
+                parameters.apply_initial(answer, self._source())
             return
 
     def _poll_tokens(self) -> None:
@@ -275,8 +254,8 @@ class ParameterClient:
             return
         if alive and entity.session not in self._sessions:
             self._sessions.add(entity.session)
-            for followed in self._sets:
-                self._ask(followed)
+            for parameters in self._sets:
+                self._ask(parameters)
             if self._missed and not self._quiet:
                 self._log.info("the parameter service is visible: following it")
             self._missed = False
@@ -284,9 +263,7 @@ class ParameterClient:
             self._sessions.discard(entity.session)
             if not self._sessions:
                 self._asking.clear()
-                self._note_absent(
-                    "the parameter service is gone: the current values stay; it is followed when it returns"
-                )
+                self._note_absent("the parameter service is gone: keeping the current values until it returns")
 
     def _note_absent(self, text: str) -> None:
         if not self._missed:
@@ -294,26 +271,26 @@ class ParameterClient:
             if not self._quiet:
                 self._log.info(text)
 
-    def _ask(self, followed: ParameterSet) -> None:
-        payload = encode(announcement(self._node, followed))
-        self._asking[followed] = self._transport.query_async(_KEY, payload, ANSWER_S), 0.0
+    def _ask(self, parameters: ParameterSet) -> None:
+        payload = encode(announcement(self._node, parameters))
+        self._asking[parameters] = self._transport.query_async(_KEY, payload, ANSWER_S), 0.0
 
     def _retry(self) -> None:
-        for followed, (pending, again) in list(self._asking.items()):
+        for parameters, (pending, again) in list(self._asking.items()):
             if pending is None:
                 if time.monotonic() >= again:
-                    self._ask(followed)
+                    self._ask(parameters)
                 continue
             replies = pending.poll()
             if replies is None:
                 continue
-            del self._asking[followed]
+            del self._asking[parameters]
             try:
                 answer = read_replies(PARAMS_ANNOUNCE, _KEY, replies, ANSWER_S, self._transport)
             except CallFailed as error:
-                self._fail(followed, error)
+                self._fail(parameters, error)
             else:
-                self._answered(followed, answer)
+                self._answered(parameters, answer)
 
     def _undone(self, pending: PendingReplies, name: str) -> bool:
         replies = pending.poll()
@@ -325,33 +302,33 @@ class ParameterClient:
             self._log.error(f"the parameters {name} differ from those of the parameter service: {error}")
         return True
 
-    def _answered(self, followed: ParameterSet, answer: ParameterValues) -> None:
+    def _answered(self, parameters: ParameterSet, answer: ParameterValues) -> None:
         source = self._source()
         # In lockstep the values apply from the tick at which they arrive as an update, the same for all members.
         if self.watermarks is None or source not in self.watermarks.members:
-            followed.enqueue(answer, source)
+            parameters.enqueue(answer, source)
 
-    def _fail(self, followed: ParameterSet, error: CallFailed) -> None:
-        followed.refused = not isinstance(error, NoAnswer)
-        if followed.error != str(error):
-            followed.error = str(error)
-            self._log.warn(f"the parameters {followed.set} are this node's own for now: {error}")
-        self._asking[followed] = None, time.monotonic() + RETRY_S
+    def _fail(self, parameters: ParameterSet, error: CallFailed) -> None:
+        parameters.refused = not isinstance(error, NoAnswer)
+        if parameters.error != str(error):
+            parameters.error = str(error)
+            self._log.warn(f"using this node's own values of the parameters {parameters.set} for now: {error}")
+        self._asking[parameters] = None, time.monotonic() + RETRY_S
 
     def _source(self) -> bytes:
         """Return the member id of the answering service; empty unless exactly one is visible."""
         return member_id(AUTHORITY, next(iter(self._sessions))) if len(self._sessions) == 1 else b""
 
 
-def announcement(node: str, followed: ParameterSet) -> Announcement:
+def announcement(node: str, parameters: ParameterSet) -> Announcement:
     """Return the announcement of a node's set."""
     return Announcement(
-        set=followed.set,
+        set=parameters.set,
         node=node,
-        parameters=followed.described,
-        fleet=tuple(assignments(followed.fleet)),
-        command_line=tuple(assignments(followed.command_line)),
-        run=tuple(assignments(followed.run_values)),
+        parameters=parameters.described,
+        fleet=tuple(assignments(parameters.fleet)),
+        command_line=tuple(assignments(parameters.command_line)),
+        run=tuple(assignments(parameters.run_values)),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import getpass
 import socket
 import uuid
+from contextlib import suppress
 from typing import Literal
 
 from messages.parameters import (
@@ -48,11 +49,9 @@ class ParameterServiceClient:
             return find_set(path, sets), ""
         except BadInput:
             before, _, name = path.rstrip("/").rpartition("/")
-            try:
+            with suppress(BadInput):
                 return find_set(before, sets), name
-            except BadInput:
-                before = ""
-            raise
+            raise  # the error for the whole path
 
     def values(self, name: str) -> ParameterValues:
         """Return the effective values of a set."""
@@ -61,7 +60,15 @@ class ParameterServiceClient:
     def set(
         self, name: str, values: tuple[Assignment, ...], clamp: bool, run: bool, kind: Literal["set", "load"] = "set"
     ) -> ParameterValues:
-        """Set parameters, all or none."""
+        """Set parameters, all or none.
+
+        Args:
+            name: The set.
+            values: The new values.
+            clamp: Whether to clamp values to their bounds instead of refusing them.
+            run: Whether they apply to this run only and are not saved.
+            kind: The kind of the change in the history.
+        """
         asked = SetParameters(set=name, values=values, clamp=clamp, run=run, kind=kind, id=_new_id(), who=self._who)
         return call_idempotent(self._transport, PARAMS_SET, asked, self._timeout)
 
@@ -81,7 +88,7 @@ class ParameterServiceClient:
 
 
 def find_set(name: str, sets: dict[str, ParameterSchema]) -> ParameterSchema:
-    """Return the set with this name or, if unambiguous, the set of a node or with an ending of this name.
+    """Return the set with this name or, if unambiguous, the one that a node of this name uses or that ends with it.
 
     Raises:
         BadInput: No set fits, with the nearest name, or several do.

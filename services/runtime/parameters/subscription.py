@@ -32,7 +32,7 @@ LOG_PERIOD_S = 1.0
 class ParameterSubscription(Generic[P]):
     """The current ``params``, replaced as a whole by ``refresh``; ``origins`` has the source of each value.
 
-    ``error`` is why the parameter service's values are not applied; ``refused`` means that it refused the set.
+    ``error`` is the error of the last announcement, empty once answered; ``refused`` means that the set was refused.
 
     Args:
         node: The node that uses the set.
@@ -41,7 +41,8 @@ class ParameterSubscription(Generic[P]):
         fleet: The values of the fleet file, by dotted names.
         command_line: The values of the command line, by dotted names.
         described: Descriptions in place of those of the record.
-        fits: Raises BadInput for contradicting values; such a change is refused, and undone in the parameter service.
+        validate: Raises BadInput for contradicting values; such a change is refused, and undone in the parameter
+            service.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class ParameterSubscription(Generic[P]):
         fleet: Mapping[str, Any] | None = None,
         command_line: Mapping[str, Any] | None = None,
         described: Sequence[ParameterDescription] = (),
-        fits: Callable[[P], object] | None = None,
+        validate: Callable[[P], object] | None = None,
     ) -> None:
         self.set, self.params = name, params
         self.fleet, self.command_line = dict(fleet or {}), dict(command_line or {})
@@ -62,7 +63,7 @@ class ParameterSubscription(Generic[P]):
         self.origins.update(dict.fromkeys(self.fleet, "fleet"))
         self.origins.update(dict.fromkeys(self.command_line, "command line"))
         self.error, self.refused = "", False
-        self._node, self._fits = node, fits
+        self._node, self._validate = node, validate
         self._flat = flatten(params)
         self._live = {each.name: each.level for each in self.described if each.live}
         self._kept = {leaf.name.partition(".")[0] for leaf in fields_of(type(params)) if leaf.structured}
@@ -166,7 +167,7 @@ class ParameterSubscription(Generic[P]):
         except BadInput as error:
             if not undo:
                 self._refuse(
-                    f"{error}; this node's own values stay. ./elea param reset {self.set} forgets the saved ones"
+                    f"{error}; this node keeps its own values. ./elea param reset {self.set} forgets the saved ones"
                 )
             else:
                 self._refuse(str(error))
@@ -182,8 +183,8 @@ class ParameterSubscription(Generic[P]):
         record = type(self.params)
         built = build(record, nest(record, flat), self.set)
         params = msgspec.structs.replace(built, **{name: getattr(self.params, name) for name in self._kept})
-        if self._fits is not None:
-            self._fits(params)
+        if self._validate is not None:
+            self._validate(params)
         return params
 
     def _replace(self, params: P, origins: dict[str, Origin]) -> int:

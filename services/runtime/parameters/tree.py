@@ -54,7 +54,7 @@ class ParameterTree:
         path = split_key(key)
         if not path:
             if not isinstance(value, dict):
-                raise BadInput("/: the root of the tree takes a map of names to values alone")
+                raise BadInput("/: the root of the tree must be a map of names to values")
             self._root = value
             return
         node = self._root

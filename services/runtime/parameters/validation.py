@@ -124,7 +124,7 @@ def check_value(record: type[Parameters], name: str, value: Any, where: str = ""
         raise unknown_name("parameter", name, known, where)
     leaf = known[name]
     if leaf.structured or not leaf.extra("live", True):
-        raise BadInput(f"{prefix}parameter {name} cannot change while its service runs: state it with its service")
+        raise BadInput(f"{prefix}parameter {name} cannot change while its service runs: set it at its start")
     if not _finite(value):
         raise BadInput(f"{prefix}parameter {name} = {value!r}: a number that is not finite")
     try:

@@ -82,9 +82,9 @@ class FrameAuthorities:
         claims = self._of.get(frame, {})
         return {publisher: claim for publisher, claim in claims.items() if claim.stamp is None or claim.stamp >= since}
 
-    def _keep(self, wanted: Callable[[Authority], bool]) -> None:
+    def _keep(self, condition: Callable[[Authority], bool]) -> None:
         kept = {
-            child: {publisher: claim for publisher, claim in claims.items() if wanted(claim)}
+            child: {publisher: claim for publisher, claim in claims.items() if condition(claim)}
             for child, claims in self._of.items()
         }
         self._of = {child: claims for child, claims in kept.items() if claims}

@@ -11,10 +11,13 @@ from typing import NamedTuple
 
 from messages.geometry import TransformStamped
 from messages.se3 import IDENTITY, Pose3
-from services.runtime.errors import FrameLoop, NotConnected, UnknownFrame, did_you_mean
+from messages.std import Header
+from services.runtime.errors import FrameLoop, NotConnected, NoTransform, UnknownFrame, did_you_mean, list_names
 from services.runtime.tf.authority import FrameAuthorities
 from services.runtime.tf.time_cache import StampedTransform, TimeCache
 
+WORLD = "world"
+"""The frame of the world."""
 CACHE_S = 10.0
 """Length of the cache [s of simulation time]; tf2's default."""
 MAX_FRAMES = 4096
@@ -46,7 +49,7 @@ class TransformBuffer:
         self._cache_ns = round(cache_s * 1e9)
         self._moving: dict[str, TimeCache] = {}
         self._static: dict[str, StampedTransform] = {}
-        self._parents_seen: dict[bytes, dict[str, StampedTransform]] = {}
+        self._static_of: dict[bytes, dict[str, StampedTransform]] = {}
         self._claims = FrameAuthorities(self._cache_ns)
         self._parents: set[str] = set()
         self._most_parents = MAX_FRAMES
@@ -79,19 +82,19 @@ class TransformBuffer:
         So a late subscriber, which gets each publisher's last message, has the same tree as an early one. Foreign
         senders (empty ``publisher``) cannot be distinguished: their transforms add up. A moving frame becomes static.
         """
-        if publisher not in self._parents_seen and len(self._parents_seen) >= MAX_PUBLISHERS:
-            self.refused, self.reason = self.refused + 1, f"more than {MAX_PUBLISHERS} publishers of fixed frames"
+        if publisher not in self._static_of and len(self._static_of) >= MAX_PUBLISHERS:
+            self.refused, self.reason = self.refused + 1, f"more than {MAX_PUBLISHERS} publishers of static frames"
             return
-        links = dict(self._parents_seen.get(publisher, {})) if not publisher else {}
+        links = dict(self._static_of.get(publisher, {})) if not publisher else {}
         for each in transforms:
             child = self._child(each)
             if child is not None and (child in links or len(links) < MAX_FRAMES):
                 links[child] = StampedTransform(each.header.frame_id.removeprefix("/"), Pose3.from_msg(each.transform))
                 self._moving.pop(child, None)
-        self._parents_seen.pop(publisher, None)  # moves it to the end of the table: the last one received wins
-        self._parents_seen[publisher] = links
+        self._static_of.pop(publisher, None)  # moves it to the end of the table: the last one received wins
+        self._static_of[publisher] = links
         self._claims.static(publisher, {child: link.parent for child, link in links.items()})
-        self._static = {child: link for links in self._parents_seen.values() for child, link in links.items()}
+        self._static = {child: link for links in self._static_of.values() for child, link in links.items()}
         self._parents |= {link.parent for link in links.values()}
 
     def clear(self) -> None:
@@ -216,7 +219,8 @@ class TransformBuffer:
             raise UnknownFrame(
                 f"frame {name!r} is unknown: no transform was received on /tf or /tf_static; are they published?"
             )
-        raise UnknownFrame(f"frame {name!r} is unknown{did_you_mean(name, known, 3)} (known: {_listed(known)})")
+        listed = list_names(known, _LISTED)
+        raise UnknownFrame(f"frame {name!r} is unknown{did_you_mean(name, known, 3)} (known: {listed})")
 
     def _paths(self, target: str, source: str, time: int | None) -> tuple[list[str], list[str]]:
         """Return the frames from each up to but excluding their common ancestor; raises NotConnected or FrameLoop."""
@@ -237,7 +241,7 @@ class TransformBuffer:
             if parent in seen:
                 raise FrameLoop(
                     f"frames in a loop: {' in '.join([*line[line.index(parent) :], parent])}; one of these transforms "
-                    "has parent and child exchanged"
+                    "has its parent and child swapped"
                 )
             line.append(parent)
             seen.add(parent)
@@ -245,7 +249,7 @@ class TransformBuffer:
 
     def _tree(self, root: str) -> str:
         below = [each for each in self.frames() if each != root and self._root(each) == root]
-        return f"{root!r} with {_listed(below)}" if below else f"{root!r} alone"
+        return f"{root!r} with {list_names(below, _LISTED)}" if below else f"{root!r} alone"
 
     def _root(self, frame: str) -> str:
         seen = {frame}
@@ -268,6 +272,14 @@ class TransformBuffer:
         return here
 
 
-def _listed(frames: list[str]) -> str:
-    more = len(frames) - _LISTED
-    return ", ".join(frames[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+def pose_in_world(buffer: TransformBuffer, header: Header) -> Pose3:
+    """Return the pose of a message's frame in the world, at its stamp or else the latest known one; the identity if no
+    transform connects the two."""
+    if header.frame_id.lstrip("/") in ("", WORLD):
+        return IDENTITY
+    for time in (header.stamp.ns or None, None):
+        try:
+            return buffer.lookup(WORLD, header.frame_id, time).transform
+        except NoTransform:
+            continue
+    return IDENTITY

@@ -100,7 +100,7 @@ class TimeCache:
         cause = (
             f"the past is kept for {self._cache_ns / 1e9:g} s"
             if past
-            else "ask for an earlier time, or for the latest one by giving none"
+            else "ask for an earlier time, or omit the time to get the latest transform"
         )
         return Extrapolation(
             f"frame {self._child!r} at {time / 1e9:.3f} s would be extrapolated into the {'past' if past else 'future'}"

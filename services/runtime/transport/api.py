@@ -243,8 +243,8 @@ class Transport(Protocol):
         """Watch the tokens that match ``pattern``."""
         ...
 
-    def wait(self, inlet: RawSubscriber) -> None:
-        """Block until ``inlet`` has a sample, ``wake`` is called, or 0.1 s pass; call ``recv`` before the next."""
+    def wait(self, subscriber: RawSubscriber) -> None:
+        """Block until ``subscriber`` has a sample, ``wake`` is called, or 0.1 s pass; call ``recv`` before the next."""
         ...
 
     def wake(self) -> None:

@@ -31,7 +31,7 @@ ASK_S = 10.0
 """Wall time [s] that a publisher has to reply; then the query is repeated, for as long as its token is there."""
 AGAIN_S = 0.2, 1.0, 4.0
 """Wall time [s] after which a publisher without any reply is queried again: it has sent nothing yet, or its token
-arrived before the route to it was known, as while two peers that met through a router are being linked."""
+arrived before the route to it was known, for example while two peers that met through a router are still connecting."""
 RELEASE_S = 0.2
 """Wall time [s] for which an answered query is kept. The thread that drops its last reference sends the end of the
 reply. If that is the receiving thread, still returning from passing the query on, it waits for space on a link that the
@@ -189,8 +189,8 @@ class LatchedPast:
 
 def _identity(sample: Any) -> tuple[Any, int, int]:
     """Return what identifies a sample's copies; Python salts hashes of bytes per process, so they cannot be forged."""
-    beside = sample.attachment
-    return sample.timestamp, hash(sample.payload.to_bytes()), hash(b"" if beside is None else beside.to_bytes())
+    attachment = sample.attachment
+    return sample.timestamp, hash(sample.payload.to_bytes()), hash(b"" if attachment is None else attachment.to_bytes())
 
 
 class Latching:

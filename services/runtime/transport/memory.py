@@ -37,7 +37,7 @@ def _match(pattern: list[str], key: list[str]) -> bool:
 
 
 class MemoryBus:
-    """The network that transports of one process share; every verb holds its lock."""
+    """The network that transports of one process share; every operation holds its lock."""
 
     def __init__(self) -> None:
         self.changed = threading.Condition(threading.RLock())
@@ -107,11 +107,11 @@ class MemoryPublisher:
     def put(self, payload: bytes, *, attachment: bytes) -> None:
         sample: Sample = payload, attachment, (self._encoding, self._key)
         with self._bus.changed:
-            for inlet in self._bus.subscribers:
-                if matches(inlet.pattern, self._key):
-                    inlet.samples.append(sample)
-                    if inlet.notify is not None:
-                        inlet.notify()
+            for subscriber in self._bus.subscribers:
+                if matches(subscriber.pattern, self._key):
+                    subscriber.samples.append(sample)
+                    if subscriber.notify is not None:
+                        subscriber.notify()
             if self._number is not None:
                 self._bus.latched[self._key, self._number] = sample
             self._bus.changed.notify_all()
@@ -119,7 +119,7 @@ class MemoryPublisher:
     @property
     def has_subscribers(self) -> bool:
         with self._bus.changed:
-            return any(matches(inlet.pattern, self._key) for inlet in self._bus.subscribers)
+            return any(matches(subscriber.pattern, self._key) for subscriber in self._bus.subscribers)
 
     def close(self) -> None:
         with self._bus.changed:
@@ -228,16 +228,13 @@ class MemoryToken:
                 self._bus.set_token(self._key, False)
 
 
-__all__ = ["MemoryBus", "MemoryTransport"]
-
-
 class MemoryTransport:
     """One connection to a MemoryBus."""
 
     settle_s = 0.0
 
     def __init__(self, bus: MemoryBus) -> None:
-        self.bus = self._bus = bus
+        self.bus = bus
         self.session = f"{next(bus.numbers):032x}"
         self.open = True
         self._woken = False
@@ -262,35 +259,35 @@ class MemoryTransport:
     def subscribe(
         self, key: str, capacity: int, latched: bool = False, notify: Callable[[], None] | None = None
     ) -> MemorySubscriber:
-        inlet = MemorySubscriber(self._bus, key, capacity, notify)
-        with self._bus.changed:
+        subscriber = MemorySubscriber(self.bus, key, capacity, notify)
+        with self.bus.changed:
             if latched:
-                inlet.samples.extend(each for each in self._bus.latched.values() if matches(key, each[2][1]))
-                if inlet.samples and notify is not None:
+                subscriber.samples.extend(each for each in self.bus.latched.values() if matches(key, each[2][1]))
+                if subscriber.samples and notify is not None:
                     notify()
-            self._bus.subscribers.append(inlet)
-            self._bus.readers_version += 1
-        self._owned.append(inlet)
-        return inlet
+            self.bus.subscribers.append(subscriber)
+            self.bus.readers_version += 1
+        self._owned.append(subscriber)
+        return subscriber
 
     def advertise(self, key: str, encoding: str, quality: Quality) -> MemoryPublisher:
         if "*" in key:
             raise BadInput(f"cannot publish on {key!r}: a publication has no wildcards")
-        outlet = MemoryPublisher(self._bus, key, encoding, quality is Quality.LATCHED)
-        self._owned.append(outlet)
-        return outlet
+        publisher = MemoryPublisher(self.bus, key, encoding, quality is Quality.LATCHED)
+        self._owned.append(publisher)
+        return publisher
 
     def serve(self, key: str, largest: int = MAX_REQUEST_BYTES, refusals: Refusals | None = None) -> MemoryServer:
         server = MemoryServer(key, self, RequestQueue(largest, refusals))
-        with self._bus.changed:
-            self._bus.servers.append(server)
+        with self.bus.changed:
+            self.bus.servers.append(server)
         self._servers.append(server)
         return server
 
     def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
-        with self._bus.changed:
+        with self.bus.changed:
             asked = self._send_query(key, payload)
-            self._bus.changed.wait_for(lambda: all(each.answer for each in asked), timeout)
+            self.bus.changed.wait_for(lambda: all(each.answer for each in asked), timeout)
         return _replies(asked)
 
     def query_async(
@@ -301,20 +298,20 @@ class MemoryTransport:
         attachment: bytes = b"",
         notify: Callable[[], None] | None = None,
     ) -> MemoryPendingReplies:
-        with self._bus.changed:
+        with self.bus.changed:
             return MemoryPendingReplies(self._send_query(key, payload, attachment, notify), timeout)
 
     def declare_token(self, key: str) -> MemoryToken:
-        token = MemoryToken(self._bus, key)
-        with self._bus.changed:
-            self._bus.tokens[key] = 1
-            self._bus.set_token(key, True)
+        token = MemoryToken(self.bus, key)
+        with self.bus.changed:
+            self.bus.tokens[key] = 1
+            self.bus.set_token(key, True)
         self._owned.append(token)
         return token
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
-        with self._bus.changed:
-            return sorted(key for key in self._bus.tokens if matches(pattern, key))
+        with self.bus.changed:
+            return sorted(key for key in self.bus.tokens if matches(pattern, key))
 
     def all_tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
         return self.tokens(pattern)
@@ -323,50 +320,50 @@ class MemoryTransport:
         return set(self.tokens(pattern))
 
     def watch(self, pattern: str) -> MemoryTokenWatch:
-        with self._bus.changed:
+        with self.bus.changed:
             watch = MemoryTokenWatch(pattern, self.tokens(pattern), self)
-            self._bus.watches.append(watch)
+            self.bus.watches.append(watch)
         return watch
 
     def subscribed(self) -> set[str]:
         """Return the keys of all subscriptions on the bus."""
-        with self._bus.changed:
-            return {each.pattern for each in self._bus.subscribers}
+        with self.bus.changed:
+            return {each.pattern for each in self.bus.subscribers}
 
-    def wait(self, inlet: RawSubscriber) -> None:
-        assert isinstance(inlet, MemorySubscriber)
-        with self._bus.changed:
-            self._waiting = inlet
-            self._bus.changed.notify_all()
-            self._bus.changed.wait_for(lambda: bool(inlet.samples) or self._woken, TICKER_S)
+    def wait(self, subscriber: RawSubscriber) -> None:
+        assert isinstance(subscriber, MemorySubscriber)
+        with self.bus.changed:
+            self._waiting = subscriber
+            self.bus.changed.notify_all()
+            self.bus.changed.wait_for(lambda: bool(subscriber.samples) or self._woken, TICKER_S)
             self._waiting, self._woken = None, False
 
     def wait_idle(self, timeout: float) -> bool:
         """Block until the loop waits with nothing to do; False after ``timeout`` [s]. Called from another thread."""
-        with self._bus.changed:
-            return self._bus.changed.wait_for(
+        with self.bus.changed:
+            return self.bus.changed.wait_for(
                 lambda: self._waiting is not None and not self._waiting.samples and not self._woken, timeout
             )
 
     def wake(self) -> None:
-        with self._bus.changed:
+        with self.bus.changed:
             self._woken = True
-            self._bus.changed.notify_all()
+            self.bus.changed.notify_all()
 
     def close(self) -> None:
         self.open = False
         for each in self._owned:
             each.close()
-        with self._bus.changed:
-            self._bus.servers = [each for each in self._bus.servers if each not in self._servers]
+        with self.bus.changed:
+            self.bus.servers = [each for each in self.bus.servers if each not in self._servers]
 
     def _send_query(
         self, key: str, payload: bytes, attachment: bytes = b"", notify: Callable[[], None] | None = None
     ) -> list[MemoryQuery]:
         asked = []
-        for server in self._bus.servers:
+        for server in self.bus.servers:
             if matches(server.key, key):
-                query = MemoryQuery(self._bus, key, payload, server.owner.session, attachment, notify)
+                query = MemoryQuery(self.bus, key, payload, server.owner.session, attachment, notify)
                 asked.append(query)
                 server.on_query(query)
         return asked

@@ -61,8 +61,8 @@ class RequestQueue(Generic[T]):
                 self._bytes += size
                 return None
         return self._refusals.add(
-            f"busy: {len(self.items)} requests wait already, of {MAX_WAITING} and {MAX_BYTES >> 20} MiB at most; "
-            "ask again later, and see whether a program asks without end"
+            f"busy: {len(self.items)} requests wait already; the limits are {MAX_WAITING} requests and "
+            f"{MAX_BYTES >> 20} MiB: retry later, and check whether a program calls in an endless loop"
         )
 
     def pop(self) -> T | None:

@@ -50,7 +50,7 @@ class SequenceTracker:
         self.last: dict[bytes, int] = {}
         self.stamps: dict[bytes, int] = {}
         self._seen: dict[bytes, int] = {}
-        self._rivals: dict[bytes, tuple[int, float, int]] = {}
+        self._unexpected: dict[bytes, tuple[int, float, int]] = {}
 
     def judge(self, origin: SampleInfo) -> Verdict:
         """Return the verdict on a sample by its number and source time, without recording them."""
@@ -78,8 +78,8 @@ class SequenceTracker:
         self.stamps[publisher] = origin.source_ns
 
     def pass_over(self, publisher: bytes, sequence: int) -> None:
-        """Record the number of a refused sample, the next one or the first of its publisher, so that it is neither also
-        lost nor waited for.
+        """Record the number of a refused sample, the next one or the first of its publisher, so that it is neither
+        counted as lost as well nor waited for.
 
         Its source time is not recorded, so that a forged sample does not block the true one of the same number.
         """
@@ -97,13 +97,13 @@ class SequenceTracker:
     def _persists(self, publisher: bytes, sequence: int, last: int) -> bool:
         """Return whether unexpected numbers have grown for RESYNC_S while no expected one was accepted."""
         now = monotonic()
-        before, since, beside = self._rivals.get(publisher, (0, now, -1))
-        if beside != last or not before < sequence <= before + MAX_GAP:
+        before, since, accepted = self._unexpected.get(publisher, (0, now, -1))
+        if accepted != last or not before < sequence <= before + MAX_GAP:
             since = now
         elif now - since >= RESYNC_S:
-            del self._rivals[publisher]
+            del self._unexpected[publisher]
             return True
-        self._rivals[publisher] = sequence, since, last
+        self._unexpected[publisher] = sequence, since, last
         return False
 
     def _forget_one(self) -> None:
@@ -122,7 +122,7 @@ class SequenceTracker:
             del self.last[publisher]
         del self.stamps[publisher]
         self._seen.pop(publisher, None)
-        self._rivals.pop(publisher, None)
+        self._unexpected.pop(publisher, None)
 
 
 _REASON = 200

@@ -80,8 +80,8 @@ def check_path(text: str) -> None:
     longest = max(len(os.fsencode(path)), len(os.fsencode(path.parent)) + _NODE)
     if longest > MAX_PATH_LENGTH:
         raise BadInput(
-            f"the path {text} is too long for Unix sockets: those beside it take {longest} bytes, and "
-            f"{MAX_PATH_LENGTH} is the limit: set XDG_RUNTIME_DIR (or TMPDIR) to a folder of yours with a shorter path"
+            f"the path {text} is too long for Unix sockets: the longest one in its folder takes {longest} bytes, the "
+            f"limit is {MAX_PATH_LENGTH}: set XDG_RUNTIME_DIR (or TMPDIR) to a folder of yours with a shorter path"
         )
 
 
@@ -99,21 +99,21 @@ def make_private(folder: Path) -> None:
             pass
         except OSError as error:
             raise BadInput(
-                f"the folder {each} for Unix sockets cannot be made ({error.strerror}): "
+                f"the folder {each} for Unix sockets cannot be created ({error.strerror}): "
                 "set XDG_RUNTIME_DIR to a folder of yours"
             ) from None
         _check(each)
 
 
-def is_listening(endpoint: str, patience: float = 2.0) -> None:
-    """Raise OSError unless an endpoint (Unix or ``tcp``) accepts a connection within ``patience`` [s]."""
+def check_reachable(endpoint: str, timeout: float = 2.0) -> None:
+    """Raise OSError unless an endpoint (Unix or ``tcp``) accepts a connection within ``timeout`` [s]."""
     if is_unix(endpoint):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-            probe.settimeout(patience)
+            probe.settimeout(timeout)
             probe.connect(str(path_of(endpoint)))
         return
     host, _, port = endpoint.partition("/")[2].rpartition(":")
-    socket.create_connection((host.strip("[]"), int(port)), timeout=patience).close()
+    socket.create_connection((host.strip("[]"), int(port)), timeout=timeout).close()
 
 
 def remove_stale(folder: Path) -> None:
@@ -158,7 +158,7 @@ def _check(folder: Path) -> None:
         raise BadInput(f"{folder} is {what}, and Unix sockets need a folder there: remove it, if it is yours")
     if found.st_uid != os.geteuid():
         raise BadInput(
-            f"the folder {folder} belongs to the user with number {found.st_uid}, who could replace the "
+            f"the folder {folder} belongs to the user with uid {found.st_uid}, who could replace the "
             "router: set XDG_RUNTIME_DIR to a folder of yours, or name your own router with --connect"
         )
     if mode != 0o700:

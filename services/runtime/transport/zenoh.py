@@ -169,18 +169,18 @@ class ZenohPublisher:
     def __init__(self, publisher: Any, changed: Callable[[], None]) -> None:
         self._publisher, self._changed = publisher, changed
         self.put: Any = publisher.put  # no wrapper: this is called for every message
-        self._listener = publisher.declare_matching_listener(Callback(self._match, indirect=False))
-        self._wanted = bool(publisher.matching_status.matching)
+        self._listener = publisher.declare_matching_listener(Callback(self._on_matching, indirect=False))
+        self._matching = bool(publisher.matching_status.matching)
 
     @property
     def has_subscribers(self) -> bool:
-        return self._wanted
+        return self._matching
 
     def close(self) -> None:
         self._publisher.undeclare()
 
-    def _match(self, status: Any) -> None:
-        self._wanted = bool(status.matching)
+    def _on_matching(self, status: Any) -> None:
+        self._matching = bool(status.matching)
         self._changed()
 
 
@@ -212,8 +212,8 @@ class ZenohServer:
 
     def on_query(self, query: Any) -> None:
         """Queue or refuse a query; called by Zenoh in its own thread."""
-        payload, beside = query.payload, query.attachment
-        size = len(str(query.parameters)) + sum(len(part) for part in (payload, beside) if part is not None)
+        payload, attachment = query.payload, query.attachment
+        size = len(str(query.parameters)) + sum(len(part) for part in (payload, attachment) if part is not None)
         if (refusal := self._backlog.offer(query, size)) is None:
             self._wake()
         else:
@@ -283,10 +283,10 @@ class LivelinessCache:
     def matching(self, pattern: str) -> set[str]:
         """Return the visible tokens that match a pattern."""
         self.update()
-        wanted, kind = zenoh.KeyExpr(pattern), _kind(pattern)
+        expression, kind = zenoh.KeyExpr(pattern), _kind(pattern)
         with self._lock:
             tokens = [key for each, keys in self._alive.items() if kind in (each, "", "*", "**") for key in keys]
-        return {key for key in tokens if wanted.includes(zenoh.KeyExpr(key))}
+        return {key for key in tokens if expression.includes(zenoh.KeyExpr(key))}
 
 
 def _kind(token: str) -> str:
@@ -375,9 +375,9 @@ class ZenohToken:
 
 # One thread receives (by default one wakes another for each message), another sends while that one waits for space. A
 # client has a third for everything else: it ends queries that were not answered in time, and waits for space to do so.
-# In the receiving thread, this blocked a simulation, its router that had 100 nodes to announce to it, and so the whole
-# fleet. A peer has no third: ``lab`` is a tenth slower with it. A router keeps the defaults: it forwards messages, and
-# lost large ones under load with one thread.
+# Done in the receiving thread, this blocked a simulation, then its router, which had 100 nodes to announce to it, and
+# so the whole fleet. A peer has no third: ``lab`` is a tenth slower with it. A router keeps the defaults: it forwards
+# messages, and lost large ones under load with one thread.
 _THREADS = {
     "peer": "(rx: (worker_threads: 1), net: (handover: rx), acc: (handover: rx))",
     "client": "(rx: (worker_threads: 1), net: (worker_threads: 1), acc: (handover: net))",
@@ -421,19 +421,19 @@ class ZenohTransport:
 
     def __enter__(self) -> Self:
         zenoh.init_log_from_env_or("off")
-        wanted, listens = (self._configuration[each]["endpoints"] for each in ("connect", "listen"))
-        for each in {unix_sockets.path_of(each).parent for each in (*wanted, *listens) if unix_sockets.is_unix(each)}:
+        connects, listens = (self._configuration[each]["endpoints"] for each in ("connect", "listen"))
+        for each in {unix_sockets.path_of(each).parent for each in (*connects, *listens) if unix_sockets.is_unix(each)}:
             unix_sockets.make_private(each)
         try:
             run_with_timeout(self._open)
         except zenoh.ZError as error:
-            raise TryAgain(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
+            raise TryAgain(f"cannot join the network (connect {connects}, listen {listens}): {error}") from None
         self.session = str(self._zenoh.zid())
         self._latching = Latching(self._zenoh)
-        self._census = LivelinessCache()
+        self._liveliness = LivelinessCache()
         if self._configuration["mode"] != "client":  # a client gets complete answers, from the router
             news: Any = FifoChannel(_MOST_TOKENS)
-            self._census.news = self._zenoh.liveliness().declare_subscriber(f"{ADMIN_SPACE}/**", news, history=True)
+            self._liveliness.news = self._zenoh.liveliness().declare_subscriber(f"{ADMIN_SPACE}/**", news, history=True)
         self._ticker = threading.Thread(target=self._run_ticker, name="ticker", daemon=True)
         self._ticker.start()
         return self
@@ -505,7 +505,7 @@ class ZenohTransport:
         found, complete = self._ask_for_tokens(pattern, timeout)
         if not complete:
             raise TryAgain(
-                f"the network has not said within {timeout:g} s who is there: is its router stopped, or the machine "
+                f"the network did not list its nodes within {timeout:g} s: is its router stopped, or the machine "
                 "overloaded?"
             )
         return found
@@ -514,7 +514,7 @@ class ZenohTransport:
         if self._configuration["mode"] == "client":
             # The router has passed on what a session declared before it answers for its token.
             return set(self.tokens(pattern))
-        return self._census.matching(pattern)
+        return self._liveliness.matching(pattern)
 
     def _ask_for_tokens(self, pattern: str, timeout: float) -> tuple[list[str], bool]:
         """Return the tokens known within ``timeout`` [s], and whether they are complete."""
@@ -524,7 +524,7 @@ class ZenohTransport:
         late = any(reply.err is not None and reply.err.payload.to_bytes() == TIMEOUT for reply in replies)
         # A client without a link to its router gets an empty answer at once.
         unlinked = self._configuration["mode"] == "client" and not self._zenoh.info.routers_zid()
-        return sorted(found | self._census.matching(pattern)), not (late or unlinked)
+        return sorted(found | self._liveliness.matching(pattern)), not (late or unlinked)
 
     def watch(self, pattern: str) -> ZenohTokenWatch:
         watch = ZenohTokenWatch(lambda: self.tokens(pattern))
@@ -537,13 +537,13 @@ class ZenohTransport:
         watch.handle = self._zenoh.liveliness().declare_subscriber(pattern, handler, history=True)
         return watch
 
-    def wait(self, inlet: RawSubscriber) -> None:
-        assert isinstance(inlet, ZenohSubscriber)
-        if inlet.held is not None or self._wake_pending:
+    def wait(self, subscriber: RawSubscriber) -> None:
+        assert isinstance(subscriber, ZenohSubscriber)
+        if subscriber.held is not None or self._wake_pending:
             self._wake_pending = False
             return
-        self._waiting = inlet
-        inlet.held = inlet.subscriber.recv()
+        self._waiting = subscriber
+        subscriber.held = subscriber.subscriber.recv()
         self._waiting = None
 
     def wake(self) -> None:
@@ -574,12 +574,12 @@ class ZenohTransport:
         while self.open:
             asked = self._awake.wait(TICKER_S)
             self._awake.clear()
-            self._census.update()
-            if (inlet := self._waiting) is None:
+            self._liveliness.update()
+            if (subscriber := self._waiting) is None:
                 self._wake_pending = self._wake_pending or asked
             elif self.open:
                 here = zenoh.Locality.SESSION_LOCAL
-                self._zenoh.put(inlet.wake_key, b"", encoding=WAKE, allowed_destination=here)
+                self._zenoh.put(subscriber.wake_key, b"", encoding=WAKE, allowed_destination=here)
 
 
 def run_with_timeout(work: Callable[[], None], seconds: float | None = None) -> None:

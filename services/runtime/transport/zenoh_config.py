@@ -25,10 +25,10 @@ RELIABLE_S = 30
 its links at once, and a supervisor ends a hung one."""
 
 LINKING_S = 30
-"""Wall time [s] for two processes of one machine to establish a link. When it is over, Zenoh cancels that half way: a
-process that got no processor for so long may keep a link on which it sends and never receives. With the 1 and 2 s of
-links over TCP, 6 of 400 starts of six peers, stopped for up to 3 s while they joined, left a pair of which one did not
-hear the other; with 10 and 30 s, none of 650."""
+"""Wall time [s] for two processes of one machine to establish a link. When it has passed, Zenoh gives up half-way: a
+process that got no CPU time for that long may keep a link on which it sends but never receives. With the 1 and 2 s
+used for TCP links, 6 of 400 starts of six peers, each stopped for up to 3 s while joining, left one peer that did not
+receive from another; with 10 and 30 s, none of 650 did."""
 
 LARGEST_MESSAGE = 8 << 20
 """Maximum bytes of a message; a larger one is dropped by the receiving link before it is reassembled."""
@@ -133,20 +133,21 @@ def configuration(
 
     Commands, each a packet of its own, queue in 16 batches per link instead of 2, allocated on demand: in real time,
     beside 40 processes that start others on two cores, ``lab`` lost 1 to 7 messages in most runs of 20 s, and none in
-    13 runs with 16; memory use is the same. Data keeps its 2: with 16, a flood brought a third fewer messages (104,000
-    a second instead of 160,000), although a simulation of six robots that lagged by a second, beside fleets that kept
-    both cores busy, lost none on its link to the grader instead of 50 to 213 in 3 of 4 runs. A router has 16 for all
-    messages (otherwise, in a lockstep fleet at full speed, its clients lost 27 of 49,500 samples) and for declarations:
-    a router that waits for space there locks its tables, and a new link that waits for these may block the only thread
-    that reports free space: beside twelve busy processes, 100 robots in ten processes stood still for 20 s in 9 of 11
-    starts. On the wall clock, a router's full queue has 10 ms to move instead of 1, as its sender may not have had a
-    processor. A stuck client costs this once: Zenoh then drops its messages without waiting, until it receives again.
+    13 runs with 16; memory use is the same. Data keeps its 2: with 16, the maximum throughput fell from 160,000 to
+    104,000 messages a second. The price: beside fleets that kept both cores busy, a simulation of six robots that
+    lagged by a second lost 50 to 213 messages on its link to the grader in 3 of 4 runs with 2, and none with 16. A
+    router has 16 for all messages (otherwise, in a lockstep fleet at full speed, its clients lost 27 of 49,500 samples)
+    and for declarations: a router that waits for space there locks its tables, and a new link that waits for these may
+    block the only thread that reports free space: beside twelve busy processes, 100 robots in ten processes stood still
+    for 20 s in 9 of 11 starts. On the wall clock, a router waits 10 ms instead of 1 for space in a full queue, as its
+    sending thread may not have had a CPU. A stuck client costs this once: Zenoh then drops its messages without
+    waiting, until it receives again.
     """
     connects = tuple(endpoint(each) for each in connect)
     listens = tuple(endpoint(each) for each in listen) or (_socket_beside(connects) if role == "direct" else ())
     local = all(map(unix_sockets.is_unix, (*connects, *listens)))
     lease_s = RELIABLE_S if reliable else 2
-    patience = 2_000_000 if reliable else 10_000 if role == "router" else 1_000
+    drop_wait_us = 2_000_000 if reliable else 10_000 if role == "router" else 1_000
     tree: dict[str, Any] = {
         "mode": {"router": "router", "direct": "peer", "star": "client"}[role],
         "listen": {"endpoints": list(listens)},
@@ -175,7 +176,7 @@ def configuration(
                     "queue": {
                         "size": dict.fromkeys(_QUEUES, 16) if role == "router" else {"real_time": 16},
                         "congestion_control": {
-                            "drop": {"wait_before_drop": patience},
+                            "drop": {"wait_before_drop": drop_wait_us},
                             "block": {"wait_before_close": RELIABLE_S * 1_000_000 if reliable else 1_000_000},
                         },
                     },

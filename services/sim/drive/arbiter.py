@@ -27,7 +27,7 @@ BRAKE = Decision(0.0, 0.0, True, None)
 
 
 class _Command(NamedTuple):
-    """The last valid command of a source: made at ``stamp``, valid until ``until`` [ns]; ``order`` grows with each."""
+    """The last valid command of a source: issued at ``stamp``, valid to ``until`` [ns]; ``order`` grows with each."""
 
     priority: int
     v: float
@@ -63,7 +63,7 @@ class Arbiter:
     def accept(
         self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int, vy: float = 0.0
     ) -> bool:
-        """Process a command made at ``stamp_ns`` (None if unknown), received at ``now_ns``; return whether it is
+        """Process a command issued at ``stamp_ns`` (None if unknown) and received at ``now_ns``; return whether it is
         accepted.
 
         Speeds that are not finite or beyond ``messages.geometry``'s bounds are refused and counted. Commands older than
@@ -75,8 +75,8 @@ class Arbiter:
         if not (linear and -FASTEST_ANGULAR <= w <= FASTEST_ANGULAR):
             self.refused += 1
             return False
-        made = now_ns if stamp_ns is None else stamp_ns
-        if not 0 <= now_ns - made <= self._timeout:
+        issued_ns = now_ns if stamp_ns is None else stamp_ns
+        if not 0 <= now_ns - issued_ns <= self._timeout:
             self.stale_dropped += 1
             return False
         v = v if abs(v) >= STANDSTILL else 0.0
@@ -84,13 +84,13 @@ class Arbiter:
         vy = vy if abs(vy) >= STANDSTILL else 0.0
         if not self.e_stopped:
             order = self.commands + self.refused
-            self._active[source] = _Command(priority, v, w, made, made + self._timeout, order, vy)
+            self._active[source] = _Command(priority, v, w, issued_ns, issued_ns + self._timeout, order, vy)
             self._choose(now_ns)
             if self.conflict:
                 self.refused += 1
                 return False
         self.commands += 1
-        self.last_command = max(0, made)
+        self.last_command = max(0, issued_ns)
         return True
 
     def publisher_lost(self, source: bytes, now_ns: int) -> None:

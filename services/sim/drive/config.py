@@ -12,7 +12,7 @@ import msgspec
 from messages.base import Packed36, covariance
 from models import model_config_path, urdf_path
 from models.model import OdometryErrorConfig, PlanarConfig, RobotModel, WheelConfig, read_model
-from models.robot_cache import is_made
+from models.robot_cache import is_imported
 from models.robot_facts import read_facts
 from models.urdf import NoWheels, WheelPair, read_wheels
 from services.driving.pid import PidGains
@@ -82,15 +82,15 @@ class DriveConfig:
         steered = () if steering is None else tuple(Motor(each.joint, self.steering_torque) for each in steering.wheels)
         return wheels + steered
 
-    def of_wheels(self, sides: tuple[float, float]) -> tuple[float, ...]:
+    def per_wheel(self, sides: tuple[float, float]) -> tuple[float, ...]:
         """Return a value for each driven wheel, left ones first, from the values of the two sides."""
-        figures = (sides[0],) * len(self.left_joints) + (sides[1],) * len(self.right_joints)
+        values = (sides[0],) * len(self.left_joints) + (sides[1],) * len(self.right_joints)
         if not self.reversed:
-            return figures
+            return values
         joints = (*self.left_joints, *self.right_joints)
-        return tuple(-each if joint in self.reversed else each for joint, each in zip(joints, figures, strict=True))
+        return tuple(-each if joint in self.reversed else each for joint, each in zip(joints, values, strict=True))
 
-    def of_sides(self, by_joint: Mapping[str, float]) -> tuple[float, float]:
+    def side_means(self, by_joint: Mapping[str, float]) -> tuple[float, float]:
         """Return the mean values of the two sides, positive ahead, from those of the joints."""
         return _mean_of(by_joint, self.left_joints, self.reversed), _mean_of(by_joint, self.right_joints, self.reversed)
 
@@ -220,7 +220,7 @@ def drive_config(name: str, model: RobotModel, parameters: BaseParameters) -> Dr
     idle = (
         []
         if gains is None or not gains.i or gains.i_min < gains.i_max
-        else ["wheel_pid: i does nothing while i_clamp is 0, its default in ROS, too"]
+        else ["wheel_pid: i has no effect while i_clamp is 0, which is also its default in ROS"]
     )
     return DriveConfig(
         left_joints=(left, *wheels.other_left),
@@ -276,7 +276,9 @@ def _drive(wheels: WheelConfig, parameters: BaseParameters, geometry: WheelGeome
         raise BadInput("keep_curvature slows one axis for the other, which a jerk limit does not allow: leave one out")
     if not of_base:
         if parameters.brake_angular is not None:
-            raise BadInput('brake_angular needs ramp = "base": the wheels of this base brake each by itself, at brake')
+            raise BadInput(
+                'brake_angular needs ramp = "base": with ramp = "wheels", each wheel brakes at the rate brake'
+            )
         return Drive(
             geometry,
             linear,
@@ -294,7 +296,7 @@ def _drive(wheels: WheelConfig, parameters: BaseParameters, geometry: WheelGeome
 
 def _planar_drive(planar: PlanarConfig, parameters: BaseParameters, geometry: WheelGeometry) -> Drive:
     if parameters.ramp == "wheels" or parameters.wheel_pid is not None:
-        raise BadInput('a holonomic base drives no wheels: ramp = "wheels" and wheel_pid are for those that do')
+        raise BadInput('a holonomic base supports neither ramp = "wheels" nor wheel_pid')
     fastest = (planar.max_linear, planar.max_angular) if parameters.clamp else (None, None)
     ros1 = parameters.jerk_rule == "ros1"
     linear = axis_limits("linear", parameters.linear, fastest[0], planar.acceleration, ros1)
@@ -317,13 +319,13 @@ def _check_against_urdf(name: str, left: str, right: str, used: WheelGeometry, p
     if left == right:
         raise BadInput(f"left_wheel and right_wheel are both {left!r}: a base has one on each side")
     warnings = _check_sides(pair, left, right, parameters.allow_swapped_wheels)
-    if is_made(name) and (built := read_facts(name).wheels) is not None:
+    if is_imported(name) and (built := read_facts(name).wheels) is not None:
         wrong = describe_mismatch(used, WheelGeometry(built.track, built.left_radius, built.right_radius))
         return [*warnings, wrong] if wrong else warnings
     if pair.left_radius is None or pair.right_radius is None:
         return [
             *warnings,
-            f"{urdf}: no collision sphere or cylinder gives the wheels' radii: the figures are unchecked",
+            f"{urdf}: the wheels have no collision sphere or cylinder, so radius and separation are not checked",
         ]
     wrong = describe_mismatch(used, WheelGeometry(pair.separation, pair.left_radius, pair.right_radius))
     return [*warnings, wrong] if wrong else warnings
@@ -334,10 +336,10 @@ def _check_sides(pair: WheelPair, left: str, right: str, allowed: bool) -> list[
         return []
     text = (
         f"left_wheel {left!r} stands on the robot's right (y = {pair.left_offset:.3f} m), right_wheel {right!r} on its "
-        f"left (y = {pair.right_offset:.3f} m): the base turns the wrong way, and its wheel odometry cannot see it"
+        f"left (y = {pair.right_offset:.3f} m): the base turns the wrong way, and its wheel odometry does not show it"
     )
     if not allowed:
-        raise BadInput(f"{text}. Exchange the two names, or set allow_swapped_wheels = true to drive so on purpose")
+        raise BadInput(f"{text}. Swap the two names, or set allow_swapped_wheels = true if this is intended")
     return [text]
 
 

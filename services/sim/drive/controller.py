@@ -11,15 +11,13 @@ from messages.geometry import Twist, TwistStamped
 from messages.std import Header, Time
 from services.driving.pid import INITIAL_PID_STATE, pid_command
 from services.runtime.log import Log
-from services.runtime.step import STEP_NS
+from services.runtime.step import STEP_S
 from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo
 from services.sim.command_sources import FOREIGN_SOURCE, CommandSources
 from services.sim.drive.arbiter import Arbiter
 from services.sim.drive.config import DriveConfig
 from services.sim.drive.driver import AT_REST, commanded_velocity, step_drive, wheel_speeds
 from services.sim.transit_delay import TransitDelayEstimator
-
-STEP_S = STEP_NS / 1e9
 
 UNKNOWN_AGE_NS = 10**18
 """Assumed age, in simulation time, of a command of unknown age: beyond every time-out."""
@@ -50,7 +48,7 @@ class DiffDriveController:
         """The time [ns] until which ``step`` changes nothing, unless an input arrives."""
         self._pid_states = (INITIAL_PID_STATE, INITIAL_PID_STATE)
 
-    def apply_commands(self, batch: ReceivedCommands, now: int, lockstep_members: set[bytes], factor: float) -> None:
+    def apply_commands(self, commands: ReceivedCommands, now: int, lockstep_members: set[bytes], factor: float) -> None:
         """Pass commands to the arbiter.
 
         Commands of lockstep members (``lockstep_members``, ids of members) are on time by construction; the age of all
@@ -58,35 +56,35 @@ class DiffDriveController:
         least as old as its stamp.
         """
         self.idle_until = _NOT_IDLE
-        for command, origin in batch:
-            source, priority, made, age = FOREIGN_SOURCE, 1, None, 0.0
+        for command, origin in commands:
+            source, priority, issued, age = FOREIGN_SOURCE, 1, None, 0.0
             if origin is not None:
                 source = origin.publisher
                 priority = self._command_sources.find(source).priority
                 if source[:MEMBER_BYTES] not in lockstep_members:
                     age = self._delays.estimate(origin)
-                    made = now - (round(age * factor * 1e9) if age < inf else UNKNOWN_AGE_NS)
+                    issued = now - (round(age * factor * 1e9) if age < inf else UNKNOWN_AGE_NS)
             stale = self.arbiter.stale_dropped
             if isinstance(command, TwistStamped):
-                made = self._command_time(command, made, now)
+                issued = self._command_time(command, issued, now)
                 command = command.twist
             assert isinstance(command, Twist)
             sideways = command.linear.y if self.drive.holonomic else 0.0
-            self.arbiter.accept(source, priority, command.linear.x, command.angular.z, made, now, sideways)
+            self.arbiter.accept(source, priority, command.linear.x, command.angular.z, issued, now, sideways)
             if self.arbiter.stale_dropped == stale:
                 continue
             if age == inf or age * factor > self.config.timeout:
                 self._warn_stale(source, age)
-            elif made is not None and self.config.stamped:
+            elif issued is not None and self.config.stamped:
                 self._log.warn(
-                    f"a TwistStamped made at {made / 1e9:.3f} s of simulation time is dropped: older than the time-out "
-                    f"of {self.config.timeout:g} s or from the future. Is it stamped by /clock?",
+                    f"a TwistStamped with the stamp {issued / 1e9:.3f} s is dropped: it is older than the time-out of "
+                    f"{self.config.timeout:g} s, or in the future. Does its publisher use /clock?",
                     every=1.0,
                 )
         if self.arbiter.conflict:
             self._log.warn(
                 "several nodes publish cmd_vel and allow_multiple_cmd_vel_publishers is false: the base brakes until "
-                "one alone is left",
+                "only one is left",
                 every=1.0,
             )
 
@@ -118,9 +116,9 @@ class DiffDriveController:
         """Return the torques [N m] of PID-driven wheels for one step; they currently turn at ``speeds`` [rad/s]."""
         gains = self.config.gains
         assert gains is not None
-        wanted, (left, right) = wheel_speeds(self.drive, self._state), self._pid_states
-        one, left = pid_command(gains, left, wanted[0] - speeds[0], STEP_S)
-        other, right = pid_command(gains, right, wanted[1] - speeds[1], STEP_S)
+        target, (left, right) = wheel_speeds(self.drive, self._state), self._pid_states
+        one, left = pid_command(gains, left, target[0] - speeds[0], STEP_S)
+        other, right = pid_command(gains, right, target[1] - speeds[1], STEP_S)
         self._pid_states = left, right
         return one, other
 
@@ -172,12 +170,12 @@ class DiffDriveController:
         why = (
             f"it is {age:.2f} s old: its sender or a link was stuck, or the clock of its machine was set back"
             if age < inf
-            else "by its stamp it is newer than any before could be: the clock of its machine was set ahead, or differs"
+            else "its stamp is implausibly new: its machine's clock was set forward, or is not synchronised"
         )
         self._log.warn(f"a command of {node} is dropped: {why}", every=5.0)
 
-    def _command_time(self, command: TwistStamped, made: int | None, now: int) -> int | None:
-        """Return when a command was made, ns, by its stamp and its transit delay; a stamp of 0 means none.
+    def _command_time(self, command: TwistStamped, issued: int | None, now: int) -> int | None:
+        """Return when a command was issued, ns, by its stamp and its transit delay; a stamp of 0 means none.
 
         A stamp in the future is kept, so that the command is refused.
         """
@@ -186,7 +184,7 @@ class DiffDriveController:
             if not self._warned_unstamped:
                 self._warned_unstamped = True
                 self._log.warn(
-                    "a TwistStamped on cmd_vel has no stamp: this one, and all like it, counts from its arrival"
+                    "a TwistStamped on cmd_vel has no stamp: the age of such commands is counted from their arrival"
                 )
-            return made
-        return stamp if made is None or stamp > now else min(stamp, made)
+            return issued
+        return stamp if issued is None or stamp > now else min(stamp, issued)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
 
-from models.model import WheelConfig
 from services.sim.drive.kinematics import WheelGeometry, body_velocity, rim_speeds
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, limit, ramp_wheels
 from services.sim.drive.steering import Steering
@@ -21,7 +20,7 @@ class Drive:
     """The stages that a command passes: the limits of the two axes, the geometry, and the ramp of the wheels.
 
     ``stop_linear`` and ``stop_angular`` replace the limits while the base brakes, after a time-out or an emergency
-    stop. ``keep_curvature`` slows both axes together, so that a limited command keeps the curvature of the wanted one.
+    stop. ``keep_curvature`` slows both axes together, so that a limited command keeps its curvature.
     A ``holonomic`` base also moves sideways, within the limits of ``linear``. A base with ``steering`` turns by its
     steered wheels, and only while it drives.
     """
@@ -35,17 +34,6 @@ class Drive:
     keep_curvature: bool = False
     holonomic: bool = False
     steering: Steering | None = None
-
-    @classmethod
-    def of(cls, wheels: WheelConfig, *, clamp: bool = True, jump: float = 0.0) -> Drive:
-        """Return the TurtleBot3's driver: wheels with a ramp, axes limited to the hardware's speeds if ``clamp``."""
-        v, w = (wheels.max_linear, wheels.max_angular) if clamp else (inf, inf)
-        return cls(
-            WheelGeometry(wheels.separation, wheels.radius, wheels.radius),
-            linear=AxisLimits(-v, v),
-            angular=AxisLimits(-w, w),
-            ramp=WheelRamp(wheels.acceleration, wheels.brake, jump),
-        )
 
 
 class DriveState(NamedTuple):
@@ -125,21 +113,21 @@ def commanded_velocity(drive: Drive, state: DriveState) -> tuple[float, float]:
 def _scale_to_limits(drive: Drive, v: float, w: float) -> tuple[float, float]:
     """Scale down the command as a whole until both axes are within their velocity limits."""
     share = 1.0
-    for wanted, axis in ((v, drive.linear), (w, drive.angular)):
-        top = axis.max_velocity if wanted > 0 else -axis.min_velocity
-        if abs(wanted) > top:
-            share = min(share, top / abs(wanted))
+    for target, axis in ((v, drive.linear), (w, drive.angular)):
+        top = axis.max_velocity if target > 0 else -axis.min_velocity
+        if abs(target) > top:
+            share = min(share, top / abs(target))
     return (v, w) if share == 1.0 else (v * share, w * share)
 
 
 def _keep_curvature(
-    state: DriveState, wanted: tuple[float, float], allowed: tuple[float, float]
+    state: DriveState, target: tuple[float, float], allowed: tuple[float, float]
 ) -> tuple[float, float]:
     """Scale both axes' changes by the share that the slower one allows; a smaller change breaks no limit."""
     share = 1.0
-    for now, goal, can in zip(state, wanted, allowed, strict=False):
+    for now, goal, can in zip(state, target, allowed, strict=False):
         if goal != now:
             share = min(share, (can - now) / (goal - now))
     if share >= 1.0:
-        return wanted
-    return state.v + share * (wanted[0] - state.v), state.w + share * (wanted[1] - state.w)
+        return target
+    return state.v + share * (target[0] - state.v), state.w + share * (target[1] - state.w)

@@ -53,7 +53,8 @@ def describe_mismatch(configured: WheelGeometry, built: WheelGeometry) -> str:
         f"wheel radius {_radii(configured)} and separation {configured.separation:.4g} m are configured, the URDF has "
         f"{_radii(built)} and {built.separation:.4g} m: the base drives x{drives:.2f} the commanded speed and turns "
         f"x{turns:.2f} the commanded rate, while its wheel odometry reports x{1 / drives:.2f} the way and "
-        f"x{1 / turns:.2f} the turn{bend}. Is a diameter taken for a radius, or the robot's width for its track?"
+        f"x{1 / turns:.2f} the turn{bend}. Was a diameter entered as the radius, or the robot's width as the "
+        "wheel separation?"
     )
 
 

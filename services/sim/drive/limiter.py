@@ -46,12 +46,12 @@ UNLIMITED = AxisLimits()
 """No limit."""
 
 
-def limit(axis: AxisLimits, wanted: float, last: float, before: float, dt: float) -> float:
-    """Return the speed one step of ``dt`` [s] after ``last``, as near to ``wanted`` as the limits allow.
+def limit(axis: AxisLimits, target: float, last: float, before: float, dt: float) -> float:
+    """Return the speed one step of ``dt`` [s] after ``last``, as near to ``target`` as the limits allow.
 
     ``before`` is the speed one step before ``last``. Limits apply to commanded speeds, not to measured ones.
     """
-    speed = wanted
+    speed = target
     if axis.limits_jerk:
         speed = _limit_jerk(axis, speed, last, before, dt)
     if axis.limits_acceleration and speed != last:
@@ -67,35 +67,35 @@ def braking_limits(axis: AxisLimits, brake: float) -> AxisLimits:
     )
 
 
-def _limit_jerk(axis: AxisLimits, wanted: float, last: float, before: float, dt: float) -> float:
-    had, gets = last - before, wanted - last
+def _limit_jerk(axis: AxisLimits, target: float, last: float, before: float, dt: float) -> float:
+    had, gets = last - before, target - last
     change = gets - had
     if not axis.ros1_jerk and change * gets <= 0.0:
-        return wanted
+        return target
     square = (2.0 if axis.ros1_jerk else 1.0) * dt * dt
     low, high = axis.min_jerk * square, axis.max_jerk * square
     if low <= change <= high:
-        return wanted
+        return target
     return last + had + (low if change < low else high)
 
 
-def _limit_acceleration(axis: AxisLimits, wanted: float, last: float, dt: float) -> float:
-    if last > 0.0 or (last == 0.0 and wanted > 0.0):
-        return _approach(wanted, last, axis.accelerate, axis.decelerate, axis.accelerate_reverse, dt)
+def _limit_acceleration(axis: AxisLimits, target: float, last: float, dt: float) -> float:
+    if last > 0.0 or (last == 0.0 and target > 0.0):
+        return _approach(target, last, axis.accelerate, axis.decelerate, axis.accelerate_reverse, dt)
     # Mirrored; a difference, because the negative of 0.0 is -0.0.
-    return 0.0 - _approach(-wanted, -last, axis.accelerate_reverse, axis.decelerate_reverse, axis.accelerate, dt)
+    return 0.0 - _approach(-target, -last, axis.accelerate_reverse, axis.decelerate_reverse, axis.accelerate, dt)
 
 
-def _approach(wanted: float, last: float, up: float, down: float, beyond: float, dt: float) -> float:
-    """Move ``last`` >= 0 toward ``wanted``: by ``up`` or ``down``, and past zero by ``beyond`` for the rest of
+def _approach(target: float, last: float, up: float, down: float, beyond: float, dt: float) -> float:
+    """Move ``last`` >= 0 toward ``target``: by ``up`` or ``down``, and past zero by ``beyond`` for the rest of
     ``dt``."""
-    if wanted >= last:
-        return min(wanted, last + up * dt)
+    if target >= last:
+        return min(target, last + up * dt)
     lowest = last - down * dt
-    if wanted >= 0.0 or lowest >= 0.0 or down == beyond:
-        return max(wanted, lowest)
-    left = dt - last / down
-    return max(wanted, -beyond * left) if beyond < inf else wanted
+    if target >= 0.0 or lowest >= 0.0 or down == beyond:
+        return max(target, lowest)
+    remaining = dt - last / down
+    return max(target, -beyond * remaining) if beyond < inf else target
 
 
 @dataclass(frozen=True)
@@ -115,10 +115,10 @@ NO_RAMP = WheelRamp()
 """Wheels without a limit of acceleration."""
 
 
-def ramp_toward(now: float, goal: float, most: float) -> float:
-    """Return a rim's speed, moved from ``now`` toward ``goal`` by at most ``most`` [m/s]."""
-    way = goal - now
-    return goal if abs(way) <= most else now + (most if way > 0 else -most)
+def ramp_toward(speed: float, goal: float, max_change: float) -> float:
+    """Return a rim's speed, moved from ``speed`` toward ``goal`` by at most ``max_change`` [m/s]."""
+    difference = goal - speed
+    return goal if abs(difference) <= max_change else speed + (max_change if difference > 0 else -max_change)
 
 
 def ramp_wheels(
@@ -126,7 +126,7 @@ def ramp_wheels(
 ) -> tuple[float, float]:
     """Return the rim speeds, left and right, m/s, after ``dt`` [s]; based on commanded, not measured speeds."""
     goal_left, goal_right = goals
-    most = (ramp.brake if stopping else ramp.acceleration) * dt
+    max_change = (ramp.brake if stopping else ramp.acceleration) * dt
     if abs(goal_left - left) < ramp.jump or abs(goal_right - right) < ramp.jump:
         return goals
-    return ramp_toward(left, goal_left, most), ramp_toward(right, goal_right, most)
+    return ramp_toward(left, goal_left, max_change), ramp_toward(right, goal_right, max_change)

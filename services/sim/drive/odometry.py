@@ -1,4 +1,4 @@
-"""Odometry of one robot: integration of wheel angles or commands, its messages, and when they are due."""
+"""Odometry of one robot: integration of wheel angles or commands, and its messages."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ from messages.se2 import IDENTITY, Pose2
 from messages.se3 import Pose3, rotate_inverse
 from messages.std import Header
 from services.runtime.errors import BadInput
+from services.runtime.step import STEP_S
 from services.sim.drive.config import OdometryConfig
-from services.sim.drive.controller import STEP_S, DiffDriveController
+from services.sim.drive.controller import DiffDriveController
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry
 from services.sim.drive.odometry_error import assumed_geometry, draw_errors, odometry_error
-from services.sim.moment import Moment
 from services.sim.physics.world import BodyHandle, BodyState
+from services.sim.snapshot import Snapshot
 
 MIN_INTERVAL_S = 1e-4
 """Over a shorter interval the distance is updated, but no speed is computed."""
@@ -137,8 +138,8 @@ def world_motions(states: NDArray[np.float64]) -> NDArray[np.float64]:
     With ``PLANAR_COVARIANCE`` this is what the TurtleBot3's plugin calls odometry: not relative to the spawn pose.
     """
     rows: Any = states.T
-    turn = rows[3:7]
-    return np.concatenate((rows[:7], rotate_inverse(turn, rows[7:10]), rotate_inverse(turn, rows[10:]))).T
+    orientation = rows[3:7]
+    return np.concatenate((rows[:7], rotate_inverse(orientation, rows[7:10]), rotate_inverse(orientation, rows[10:]))).T
 
 
 def counted_motion(odometry: OdometryState) -> Motion:
@@ -185,10 +186,6 @@ def odometry_message(
     )
 
 
-ROUNDING = 1e-6
-"""As a share of a period; a time this close to the end of a period counts as its end."""
-
-
 class Odometer:
     """The odometry of one robot. ``state`` is what it has counted; None if odometry is the true pose in the world.
 
@@ -216,7 +213,6 @@ class Odometer:
                 tuple((body.joints.index(joint), -1.0 if joint in config.reversed else 1.0) for joint in side)
                 for side in (config.left_joints, config.right_joints)
             )
-        self._slot: int | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -227,7 +223,6 @@ class Odometer:
         self.state: OdometryState | None = initial_odometry(*self._angles(), *start) if counts else None
         self.offset = IDENTITY
         self._last_update = -1
-        self.reset_phase()
 
     def update_from_commands(self) -> None:
         """Integrate the command of the coming physics step, if odometry is open loop."""
@@ -252,23 +247,9 @@ class Odometer:
             self.state = integrate_encoders(self.state, left, right, dt, self._assumed[1], self.config.window)
         self._last_update = now
 
-    def due(self, now: int, rate: float) -> bool:
-        """Return whether a message is due at ``now`` [ns] at ``rate`` [Hz]; call it at every control tick.
-
-        The average rate is exact, as in ROS, and counts from time 0: at 25 Hz odometry has the same stamps as ground
-        truth, whenever the robot was spawned.
-        """
-        if rate <= 0:
-            return False
-        periods = now * rate / 1e9
-        if self._slot is None:
-            self._slot = math.ceil(periods - ROUNDING) - 1
-        before, self._slot = self._slot, int(periods + ROUNDING)
-        return self._slot > before
-
-    def sample(self, moment: Moment) -> OdometrySample:
-        """Return the odometry at this moment."""
-        return OdometrySample(moment.state(self._name) if self.state is None else self.state)
+    def sample(self, snapshot: Snapshot) -> OdometrySample:
+        """Return the odometry of this snapshot."""
+        return OdometrySample(snapshot.state(self._name) if self.state is None else self.state)
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
         """Continue counting from (x [m], y [m], heading [rad]); raises BadInput if odometry is the true pose."""
@@ -288,10 +269,6 @@ class Odometer:
         self._assumed = None
         self.pose_covariance: Packed36 = PLANAR_COVARIANCE if settings.pose is None else settings.pose
         self.twist_covariance: Packed36 = ZERO_COVARIANCE if settings.twist is None else settings.twist
-
-    def reset_phase(self) -> None:
-        """Recompute the phase of publishing, e.g. after a change of the rate."""
-        self._slot = None
 
     def _angles(self) -> tuple[float, float]:
         angles = self._body.joint_readings().position

@@ -14,7 +14,7 @@ from models.model import OdometryErrorConfig
 from services.sim.drive.kinematics import WheelGeometry
 from services.sim.noise import noise_generator
 
-MOST_DEVIATIONS = 2.0
+MAX_DEVIATIONS = 2.0
 """Standard deviations at which a draw is cut off: a robot with a larger error would be returned as faulty."""
 
 
@@ -45,7 +45,7 @@ NO_ERROR = OdometryError()
 def draw_errors(seed: int, robot: str) -> ErrorDraws:
     """Draw the errors of a robot; they depend on its name and the run's seed alone."""
     numbers = noise_generator(seed, robot, "odometry", 0).standard_normal(3)
-    return ErrorDraws(*(max(-MOST_DEVIATIONS, min(MOST_DEVIATIONS, float(each))) for each in numbers))
+    return ErrorDraws(*(max(-MAX_DEVIATIONS, min(MAX_DEVIATIONS, float(each))) for each in numbers))
 
 
 def odometry_error(config: OdometryErrorConfig, multiple: float, draws: ErrorDraws) -> OdometryError:

@@ -8,8 +8,8 @@ speeds predict, within 0.1 %, and drives straight within 0.01 %.
 
 from __future__ import annotations
 
-from messages.se3 import Vector, rotate
-from services.runtime.step import STEP_NS
+from messages.se3 import Vector, add_cross, rotate
+from services.runtime.step import STEP_S
 from services.sim.physics.world import GRAVITY, BodyHandle
 
 
@@ -25,13 +25,12 @@ class SideGrip:
         """Apply the force for one physics step: what ends the sliding within it, or the most that friction gives."""
         state = self._body.state()
         x, y, z = rotate(state.orientation, self._point)
-        (vx, vy, vz), (wx, wy, wz) = state.linear, state.angular
-        at_point = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
+        at_point = add_cross(state.linear, state.angular, (x, y, z))
         left = rotate(state.orientation, (0.0, 1.0, 0.0))
         sliding = sum(a * b for a, b in zip(at_point, left, strict=True))
         upright = max(0.0, rotate(state.orientation, (0.0, 0.0, 1.0))[2])
         most = self._most * upright
-        force = max(-most, min(most, -self._mass * sliding / (STEP_NS / 1e9)))
+        force = max(-most, min(most, -self._mass * sliding / STEP_S))
         px, py, pz = state.position
         self._body.apply_wrench(
             self._root, (left[0] * force, left[1] * force, left[2] * force), (0.0, 0.0, 0.0), (px + x, py + y, pz + z)

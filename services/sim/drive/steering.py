@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from models.model import SteeredWheel, SteeringConfig
-from services.runtime.step import STEP_NS
+from services.runtime.step import STEP_S
 from services.sim.physics.world import BodyHandle
 
 GAIN = 0.5
@@ -36,16 +36,16 @@ class Steering:
         """Return the curvature of the path at an angle, 1/m, positive to the left."""
         return math.tan(angle) / self.wheelbase
 
-    def goal(self, v: float, w: float, now: float) -> float:
-        """Return the angle [rad] for a command [m/s, rad/s]: ``now`` for zero, the largest for a turn on the spot."""
+    def goal(self, v: float, w: float, angle: float) -> float:
+        """Return the angle [rad] for a command [m/s, rad/s]: ``angle`` for zero, the largest for a turn on the spot."""
         if not v:
-            return math.copysign(self.max_angle, w) if w else now
+            return math.copysign(self.max_angle, w) if w else angle
         return max(-self.max_angle, min(self.max_angle, math.atan(self.wheelbase * w / v)))
 
-    def toward(self, goal: float, now: float, dt: float) -> float:
-        """Return the angle [rad] that is reached ``dt`` [s] after ``now`` on the way to ``goal``."""
-        most = self.rate * dt
-        return goal if abs(goal - now) <= most else now + math.copysign(most, goal - now)
+    def toward(self, goal: float, angle: float, dt: float) -> float:
+        """Return the angle [rad] that is reached ``dt`` [s] after ``angle`` on the way to ``goal``."""
+        max_change = self.rate * dt
+        return goal if abs(goal - angle) <= max_change else angle + math.copysign(max_change, goal - angle)
 
     def wheel_angles(self, angle: float) -> tuple[float, ...]:
         """Return the angles of the steering joints, rad: each wheel is perpendicular to the line to the turning point.
@@ -63,11 +63,10 @@ class SteeringServo:
 
     def __init__(self, body: BodyHandle, steering: Steering) -> None:
         self._body, self._steering = body, steering
-        self._places = tuple(body.joints.index(each.joint) for each in steering.wheels)
+        self._indices = tuple(body.joints.index(each.joint) for each in steering.wheels)
 
     def speeds(self, angle: float) -> tuple[float, ...]:
         """Return the speeds [rad/s] of the steering joints for one step, toward the angle of the middle wheel."""
-        now, dt = self._body.joint_readings().position, STEP_NS / 1e9
-        most = 3 * self._steering.rate
-        wanted = zip(self._places, self._steering.wheel_angles(angle), strict=True)
-        return tuple(max(-most, min(most, GAIN * (goal - now[place]) / dt)) for place, goal in wanted)
+        angles, fastest = self._body.joint_readings().position, 3 * self._steering.rate
+        goals = zip(self._indices, self._steering.wheel_angles(angle), strict=True)
+        return tuple(max(-fastest, min(fastest, GAIN * (goal - angles[index]) / STEP_S)) for index, goal in goals)

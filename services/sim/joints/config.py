@@ -42,12 +42,12 @@ def joint_config(model: str, parameters: JointParameters) -> JointConfig:
 
 def with_urdf_defaults(model: str, parameters: JointParameters) -> JointParameters:
     """Fill in the URDF's values where the parameters have None and all joints have the same value."""
-    figures = {}
+    values = {}
     for name in ("damping", "friction"):
         every = {getattr(limits, name) for limits in read_joint_limits(model).values()}
         if getattr(parameters, name) is None and len(every) == 1:
-            figures[name] = every.pop()
-    return msgspec.structs.replace(parameters, **figures)
+            values[name] = every.pop()
+    return msgspec.structs.replace(parameters, **values)
 
 
 def check_positions(model: str, joints: Mapping[str, float]) -> None:
@@ -60,18 +60,18 @@ def check_positions(model: str, joints: Mapping[str, float]) -> None:
         if not (lower is None or lower <= position) or not (upper is None or position <= upper):
             raise BadInput(f"joint {joint} = {position:g}: its limits are {lower:g} and {upper:g}")
         if position != position or abs(position) > 1e6:
-            raise BadInput(f"joint {joint} = {position}: no position")
+            raise BadInput(f"joint {joint} = {position}: not a valid position")
 
 
 def _warnings(model: str, rule: EffortRule) -> Iterator[str]:
     for joint, limits in read_joint_limits(model).items():
         if limits.velocity == 0:
-            meant = (
+            effect = (
                 'is a limit (velocity_rule = "gazebo"): once the joint moves, no effort acts along its motion'
                 if rule.velocity == "gazebo"
-                else 'is taken as unspecified; velocity_rule = "gazebo" makes a limit of it'
+                else 'counts as unspecified; velocity_rule = "gazebo" makes it a limit'
             )
-            yield f"joint {joint}: the URDF's velocity limit of 0 {meant}"
+            yield f"joint {joint}: the URDF's velocity limit of 0 {effect}"
         if limits.effort == 0:
             yield f"joint {joint}: the URDF's effort limit is 0: no effort will move it"
     if rule.mode == "sum":

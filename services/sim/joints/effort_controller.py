@@ -172,14 +172,14 @@ class JointEffortController:
         if start > now + LEAD_S * 1e9:
             raise BadInput(
                 f"a job that starts {(start - now) / 1e9:.3f} s ahead, at {start / 1e9:.3f} s, is dropped: "
-                f"on the topic {LEAD_S:g} s is the most, as time may have been set back (/sim/apply_effort takes any)"
+                f"the limit on the topic is {LEAD_S:g} s, as time may have been reset (/sim/apply_effort has no limit)"
             )
         if start and job.duration >= 0:
             age = max(age, (now - start) / 1e9)
         if age == inf:
             raise BadInput(
-                "a job is dropped that is newer by its stamp than any before could be: the clock of its sender's "
-                "machine was set ahead, or differs"
+                "a job is dropped, as its stamp is implausibly new: its sender's clock was set forward, or is not "
+                "synchronised"
             )
         if age > max(job.duration, MAX_LATENESS_S):
-            raise BadInput(f"a job of {job.duration:g} s that was made {age:.3f} s ago is dropped: its time is over")
+            raise BadInput(f"a job of {job.duration:g} s sent {age:.3f} s ago is dropped: it has expired")

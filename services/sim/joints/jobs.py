@@ -58,10 +58,10 @@ class JobQueue(Generic[T]):
         """Queue a job, after those with the same start; raises BadInput if MAX_JOBS are queued."""
         if len(self._jobs) >= MAX_JOBS:
             raise BadInput(f"{MAX_JOBS} jobs are waiting or acting, which is the limit: clear some first")
-        place = len(self._jobs)
-        while place and self._jobs[place - 1].start > job.start:
-            place -= 1
-        self._jobs.insert(place, job)
+        index = len(self._jobs)
+        while index and self._jobs[index - 1].start > job.start:
+            index -= 1
+        self._jobs.insert(index, job)
 
     def clear(self) -> int:
         """Drop all jobs; return how many."""

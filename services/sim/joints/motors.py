@@ -10,14 +10,13 @@ from messages.joints import JointCommand, JointTarget
 from models.urdf import Joint, JointLimits
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.log import Log
-from services.runtime.step import STEP_NS
+from services.runtime.step import STEP_S
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.wire import MEMBER_BYTES
 from services.sim.joints.effort_controller import EffortRule, net_effort
 from services.sim.physics.world import BodyHandle, JointReadings, MotorTarget
 from services.sim.transit_delay import TransitDelayEstimator
 
-STEP_S = STEP_NS / 1e9
 POSITION_GAIN = 0.2
 """Share of a position error that a motor corrects in one physics step; 0.1 in gz_ros2_control."""
 BRAKING_SHARE = 0.5
@@ -92,7 +91,7 @@ class JointMotors:
                     age = self._delays.estimate(origin)
                     age = age * factor if age < inf else inf
             if age > command.duration:
-                topic.reject(f"a command of {command.duration:g} s that is {age:.3f} s old: its time is over")
+                topic.reject(f"a command of {command.duration:g} s that is {age:.3f} s old has expired")
                 continue
             self._replace(command, now, now + (command.duration - age) * 1e9, source, topic)
 
@@ -126,22 +125,22 @@ class JointMotors:
             return
         position, velocity, _ = self._body.joint_readings()
         inertias = self._body.joint_inertias()
-        places = {joint: index for index, joint in enumerate(self._body.joints)}
+        indices = {joint: index for index, joint in enumerate(self._body.joints)}
         motors: dict[str, MotorTarget] = {}
         self._efforts = {}
         for joint, each in self._driven.items():
-            limits, place = self._limits[joint], places[joint]
+            limits, index = self._limits[joint], indices[joint]
             if each.target.interface == "effort":
-                rate = velocity[place]
+                rate = velocity[index]
                 self._efforts[joint] = net_effort(_TOTAL, limits, rate, (each.target.value,))
             else:
-                motors[joint] = self._motor_target(joint, each, position[place], inertias[place], now)
+                motors[joint] = self._motor_target(joint, each, position[index], inertias[index], now)
         for joint, mimic in self._mimics.items():
             if mimic.joint in self._driven and joint not in self._driven:
-                leader, place = places[mimic.joint], places[joint]
-                goal = within(self._limits[joint], mimic.factor * position[leader] + mimic.offset)
-                wanted = mimic.factor * velocity[leader] + POSITION_GAIN * (goal - position[place]) / STEP_S
-                motors[joint] = MotorTarget(wanted, _strength(self._limits[joint]))
+                leader, index = indices[mimic.joint], indices[joint]
+                goal = self._limits[joint].clamp(mimic.factor * position[leader] + mimic.offset)
+                speed = mimic.factor * velocity[leader] + POSITION_GAIN * (goal - position[index]) / STEP_S
+                motors[joint] = MotorTarget(speed, _strength(self._limits[joint]))
         if motors:
             self._body.drive_joints(motors)
         if self._efforts:
@@ -151,23 +150,23 @@ class JointMotors:
         limits, target = self._limits[joint], driven.target
         fastest = limits.velocity or inf
         if target.interface == "velocity":
-            wanted = target.value
+            velocity = target.value
             lower, upper = limits.lower, limits.upper
-            if (upper is not None and position >= upper and wanted > 0) or (
-                lower is not None and position <= lower and wanted < 0
+            if (upper is not None and position >= upper and velocity > 0) or (
+                lower is not None and position <= lower and velocity < 0
             ):
-                wanted = 0.0
+                velocity = 0.0
         else:
             lead = max(0, min(now - driven.stamp, MAX_LEAD_NS)) / 1e9
-            goal = within(limits, target.value + target.rate * lead)
+            goal = limits.clamp(target.value + target.rate * lead)
             error = goal - position
-            wanted = POSITION_GAIN * error / STEP_S
+            velocity = POSITION_GAIN * error / STEP_S
             if limits.effort is not None and inertia > 0:
                 # At a higher speed, the limited effort could not stop it at the goal.
                 most = sqrt(2 * BRAKING_SHARE * limits.effort / inertia * abs(error))
-                wanted = max(-most, min(most, wanted))
-            wanted += target.rate
-        return MotorTarget(max(-fastest, min(fastest, wanted)), _strength(limits))
+                velocity = max(-most, min(most, velocity))
+            velocity += target.rate
+        return MotorTarget(max(-fastest, min(fastest, velocity)), _strength(limits))
 
     def _replace(
         self, command: JointCommand, now: int, until: float, source: bytes, topic: Subscriber[JointCommand]
@@ -223,12 +222,3 @@ _TOTAL = EffortRule()
 def _strength(limits: JointLimits) -> float:
     """Return the maximum effort of a joint's motor, N m or N."""
     return UNLIMITED_EFFORT if limits.effort is None else limits.effort
-
-
-def within(limits: JointLimits, position: float) -> float:
-    """Clamp a position [rad or m] to a joint's limits."""
-    if limits.lower is not None and position < limits.lower:
-        return limits.lower
-    if limits.upper is not None and position > limits.upper:
-        return limits.upper
-    return position

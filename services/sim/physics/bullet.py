@@ -22,24 +22,20 @@ from services.sim.physics.bullet_body import BulletBody
 from services.sim.physics.collision import CollisionChecker
 from services.sim.physics.engine import configure, connect, disconnect, load_world
 from services.sim.physics.world import (
+    MIN_STANDING_NORMAL,
     Body,
     BodyState,
     CameraModel,
     Configuration,
     Contact,
+    ground_samples,
 )
 from services.sim.physics.world_bodies import ground_height
 
 SECOND = 1_000_000_000
 
-STANDING = 0.7
-"""Vertical part of a contact's normal above which standing on a ramp or height map is no collision: cos 45 degrees."""
-
-MOST_RAYS = 16_000
+MAX_RAYS = 16_000
 """Maximum number of rays that the engine casts in one call."""
-
-_AROUND = 12
-"""Directions in which the ground around a point is sampled."""
 
 
 class BulletWorld:
@@ -97,10 +93,8 @@ class BulletWorld:
         """Return the highest ground within ``radius`` of a point, m: of ramps, height maps and floors, or 0."""
         grounds, highest = self._world.grounds, 0.0
         if grounds:
-            for step in range(_AROUND * 3):
-                reach, turn = radius * (step // _AROUND) / 2, 2 * math.pi * (step % _AROUND) / _AROUND
-                height = ground_height(self._client, grounds, x + reach * math.cos(turn), y + reach * math.sin(turn))
-                highest = max(highest, height or 0.0)
+            for point in ground_samples(x, y, radius):
+                highest = max(highest, ground_height(self._client, grounds, *point) or 0.0)
         return highest
 
     def spawn(self, body: Body) -> BulletBody:
@@ -190,7 +184,7 @@ class BulletWorld:
             one, other = point[1], point[2]
             # Bullet also lists near misses; a contact has depth or transmits a force.
             if one in everything and other in everything and (point[8] <= 0 or point[9] > 0):
-                if abs(point[7][2]) > STANDING and not grounds.isdisjoint((one, other)):
+                if abs(point[7][2]) > MIN_STANDING_NORMAL and not grounds.isdisjoint((one, other)):
                     continue
                 first, second = sorted((everything[one], everything[other]))
                 if first in self._bodies:
@@ -205,8 +199,8 @@ class BulletWorld:
         360 rays take about 1 ms.
         """
         fractions = np.empty(len(origins))
-        for first in range(0, len(origins), MOST_RAYS):
-            part = slice(first, first + MOST_RAYS)
+        for first in range(0, len(origins), MAX_RAYS):
+            part = slice(first, first + MAX_RAYS)
             hits = pybullet.rayTestBatch(origins[part], ends[part], physicsClientId=self._client)
             fractions[part] = [hit[2] if hit[0] >= 0 else inf for hit in hits]
         return fractions

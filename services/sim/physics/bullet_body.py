@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate, rotate_inverse
+from messages.se3 import IDENTITY, Pose3, Rotation, Vector, add_cross, rotate, rotate_inverse
 from models.urdf import parse_urdf, read_urdf
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
@@ -213,9 +213,9 @@ class BulletBody:
         step = pybullet.getPhysicsEngineParameters(self._client)["fixedTimeStep"]
         rows = pybullet.getJointStates(self.body_id, self._joint_indices, self._client) or ()  # None for none
         matrix = pybullet.calculateMassMatrix(self.body_id, [row[0] for row in rows], physicsClientId=self._client)
-        felt = 1 / np.diag(np.linalg.pinv(np.array(matrix), hermitian=True))[-len(self._joints) :]
+        inertias = 1 / np.diag(np.linalg.pinv(np.array(matrix), hermitian=True))[-len(self._joints) :]
         share = 1.0 if len(self._joints) == 1 else 0.5
-        return dict(zip(self._joints, (share * felt / step).tolist(), strict=True))
+        return dict(zip(self._joints, (share * inertias / step).tolist(), strict=True))
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
         """Set joint positions, at rest, without a check."""
@@ -246,12 +246,12 @@ class BulletBody:
 
     def inertia(self, link: str) -> Inertia:
         index = self._link_index(link)
-        mass, friction, moments, place, turn, *_ = pybullet.getDynamicsInfo(self.body_id, index, self._client)
+        mass, friction, moments, position, orientation, *_ = pybullet.getDynamicsInfo(self.body_id, index, self._client)
         if index < 0 and self.description.fixed:
             # PyBullet gives a fixed root no mass.
             robot = parse_urdf(read_urdf(self.description.urdf))
             return principal_inertia(next(each for each in robot.links if each.name == link).inertia, friction)
-        return Inertia(mass, Pose3(place, turn), moments, friction)
+        return Inertia(mass, Pose3(position, orientation), moments, friction)
 
     def apply_wrench(self, link: str, force: Vector, torque: Vector, point: Vector) -> None:
         index, frame = self._link_index(link), pybullet.WORLD_FRAME
@@ -277,12 +277,12 @@ def _link_state(row: Any) -> BodyState:
 
 def _velocity_at(linear: Vector, angular: Vector, offset: Vector, sign: float) -> Vector:
     """Return the velocity of the point at ``sign`` * ``offset`` from one that moves like this: v + w x r."""
-    (vx, vy, vz), (wx, wy, wz), (x, y, z) = linear, angular, (sign * each for each in offset)
-    return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
+    x, y, z = offset
+    return add_cross(linear, angular, (sign * x, sign * y, sign * z))
 
 
-def _normalized(turn: Rotation) -> Rotation:
+def _normalized(orientation: Rotation) -> Rotation:
     """Normalise an orientation: PyBullet returns those of links in single precision."""
-    x, y, z, w = turn
+    x, y, z, w = orientation
     length = (x * x + y * y + z * z + w * w) ** 0.5
     return x / length, y / length, z / length, w / length

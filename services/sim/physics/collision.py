@@ -15,15 +15,8 @@ from services.runtime.errors import BadInput
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.bullet_body import BulletBody
 from services.sim.physics.engine import connect, disconnect, is_roller, load_world
-from services.sim.physics.world import Body, Configuration
+from services.sim.physics.world import MAX_PENETRATION, MAX_SUNK, Body, Configuration
 from services.sim.physics.world_bodies import ground_height
-
-MAX_PENETRATION = 0.002
-"""m; allowed depth of a body in another or in the ground: that of resting on it, and rounding."""
-
-
-MAX_SUNK = 0.1
-"""m; allowed depth of a body's origin below the surface of a height map."""
 
 _GROUND = 0
 """The number of the ground, which is loaded first."""

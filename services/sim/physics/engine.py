@@ -19,7 +19,7 @@ from services.sim.physics.world_bodies import LoadedWorld, load_bodies
 _SPHERE = pybullet.GEOM_SPHERE
 
 
-MOST_IDLE = 2
+MAX_IDLE_CLIENTS = 2
 """Maximum number of closed clients that are kept: a world has two."""
 _idle: list[int] = []
 
@@ -36,7 +36,7 @@ def disconnect(client: int, *, reusable: bool = True) -> None:
 
     Emptying resets everything but the light of the last image.
     """
-    if reusable and len(_idle) < MOST_IDLE:
+    if reusable and len(_idle) < MAX_IDLE_CLIENTS:
         pybullet.resetSimulation(physicsClientId=client)
         _idle.append(client)
     else:
@@ -97,7 +97,7 @@ def load_urdf(client: int, urdf: Path, pose: Pose3, fixed: bool = False) -> int:
                 physicsClientId=client,
             )
     except pybullet.error as error:
-        raise BadInput(f"{urdf}: PyBullet cannot load this URDF ({error}); its reasons stand on stderr") from error
+        raise BadInput(f"{urdf}: PyBullet cannot load this URDF ({error}); see stderr for the reason") from error
     for link in range(-1, pybullet.getNumJoints(number, physicsClientId=client)):
         friction = pybullet.getDynamicsInfo(number, link, physicsClientId=client)[1]
         set_contact_dynamics(client, number, link, friction, ROLLER if is_roller(client, number, link) else BODY)

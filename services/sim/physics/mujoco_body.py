@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.se3 import Pose3, Rotation, Vector, rotate, rotate_inverse
+from messages.se3 import Pose3, Rotation, Vector, add_cross, rotate, rotate_inverse
 from services.runtime.errors import unknown_name
 from services.sim.physics.mujoco_robot import RobotTree
 from services.sim.physics.mujoco_scene import PlacedRobot, wxyz
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 ROOT_POSITIONS, ROOT_VELOCITIES = 7, 6
 """Numbers of a free root: its position and quaternion, its velocity (world axes) and turn rate (its own axes)."""
-MOST_EFFORT = 1e9
+MAX_EFFORT = 1e9
 """N m or N, limit of a motor without one."""
 
 
@@ -81,7 +81,7 @@ class MujocoBody:
         self.joint_rates = np.array(list(self._rate_of.values()), np.intp)
         self._check_names()
         self.motors = np.array([self._rate_of[motor.joint] for motor in description.motors], np.intp)
-        self.max_torques = np.array([min(motor.torque, MOST_EFFORT) for motor in description.motors])
+        self.max_torques = np.array([min(motor.torque, MAX_EFFORT) for motor in description.motors])
         self.start()
 
     def start(self) -> None:
@@ -151,8 +151,8 @@ class MujocoBody:
 
     def set_velocity(self, linear: Vector, angular: Vector) -> None:
         if not self.fixed:
-            turn = self.root_pose.orientation
-            self.arrays.velocities[:ROOT_VELOCITIES] = (*linear, *rotate_inverse(turn, angular))
+            orientation = self.root_pose.orientation
+            self.arrays.velocities[:ROOT_VELOCITIES] = (*linear, *rotate_inverse(orientation, angular))
 
     def set_speeds(self, speeds: Sequence[float]) -> None:
         self.arrays.targets[self.motors] = speeds
@@ -169,7 +169,7 @@ class MujocoBody:
     def drive_joints(self, targets: Mapping[str, MotorTarget]) -> None:
         arrays = self.arrays
         for index, target in [(self.rate_index(joint), target) for joint, target in targets.items()]:
-            arrays.targets[index], arrays.limits[index] = target.velocity, min(target.effort, MOST_EFFORT)
+            arrays.targets[index], arrays.limits[index] = target.velocity, min(target.effort, MAX_EFFORT)
 
     def release_joints(self, joints: Sequence[str]) -> None:
         friction = dict(self.description.joint_friction)
@@ -207,9 +207,7 @@ class MujocoBody:
         moves = self.state() if part == 0 else self._world.part_state(self.description.name, part)
         arm = rotate(moves.orientation, place.position)
         pose = Pose3(moves.position, moves.orientation) @ place
-        (vx, vy, vz), (wx, wy, wz), (x, y, z) = moves.linear, moves.angular, arm
-        linear = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
-        return BodyState(*pose, linear, moves.angular)
+        return BodyState(*pose, add_cross(moves.linear, moves.angular, arm), moves.angular)
 
     def inertia(self, link: str) -> Inertia:
         self.link_place(link)
@@ -220,11 +218,10 @@ class MujocoBody:
         if part:
             self._world.push(self.description.name, part, force, torque, point)
         elif not self.fixed:
-            position, turn = self.root_pose
+            position, orientation = self.root_pose
             x, y, z = (a - b for a, b in zip(point, position, strict=True))
-            fx, fy, fz = force
-            about = torque[0] + y * fz - z * fy, torque[1] + z * fx - x * fz, torque[2] + x * fy - y * fx
-            self.arrays.applied[:ROOT_VELOCITIES] += (*force, *rotate_inverse(turn, about))
+            about = add_cross(torque, (x, y, z), force)
+            self.arrays.applied[:ROOT_VELOCITIES] += (*force, *rotate_inverse(orientation, about))
 
     def rate_index(self, joint: str) -> int:
         """Return the index of a movable joint's rate; raises BadInput with the joints available."""

@@ -26,7 +26,7 @@ LIBRARIES: Mapping[str, tuple[str, ...]] = {
 """The OpenGL libraries to try in turn, and their file names."""
 _PLATFORM = "PYOPENGL_PLATFORM"
 _CONTEXTS = ("mujoco.egl", "mujoco.egl.egl_ext", "mujoco.osmesa")
-_MOST_SHAPES = 100_000
+_MAX_SHAPES = 100_000
 _SKY = 255
 """Background: white, as in PyBullet's images."""
 
@@ -85,7 +85,7 @@ class MujocoCamera:
         self._data = mujoco.MjData(self._model)
         self._options = mujoco.MjvOption()
         self._options.geomgroup[:] = 1
-        self._scene = mujoco.MjvScene(self._model, maxgeom=_MOST_SHAPES)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=_MAX_SHAPES)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._drawing = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
@@ -118,7 +118,7 @@ def open_context(width: int, height: int) -> Any:
             faults.append(f"{name}: {error or type(error).__name__}")
         _forget_opengl(platform)
     raise BadInput(
-        "the camera has no pictures: MuJoCo draws by OpenGL, and no library for it works here; on Debian, "
+        "the camera cannot render: MuJoCo needs OpenGL, and no OpenGL library works here; on Debian, "
         f"apt install libegl1 libgl1 libgl1-mesa-dri, or libosmesa6 ({'; '.join(faults)})"
     )
 

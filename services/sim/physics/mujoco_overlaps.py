@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,12 +14,8 @@ from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics._mujoco import mujoco
 from services.sim.physics.mujoco_scene import GROUNDS, PlacedRobot, SceneBuilder, wxyz
-from services.sim.physics.world import Configuration
+from services.sim.physics.world import MAX_PENETRATION, MAX_SUNK, Configuration
 
-MAX_PENETRATION = 0.002
-"""m; allowed depth of a body in another or in the ground: that of resting on it, and rounding."""
-MAX_SUNK = 0.1
-"""m; allowed depth of a body's origin below the surface of a height map."""
 _SKY = 1e4
 """m; nothing is higher."""
 _GROUNDS_ONLY = np.array([number == GROUNDS for number in range(6)], np.uint8)
@@ -37,9 +33,9 @@ class OverlapChecker:
     def __init__(self, world: WorldDescription) -> None:
         self._world = world
         self._reach = {body.name: [_reach(part) for part in body.parts] for body in world.all_bodies}
-        grounds = [_only(body, lambda part: part.ground) for body in world.all_bodies]
+        grounds = [_with_parts(body, lambda part: part.ground) for body in world.all_bodies]
         self._grounds = [body for body in grounds if body.parts]
-        maps = [_only(body, lambda part: isinstance(part.shape, HeightMapShape)) for body in self._grounds]
+        maps = [_with_parts(body, lambda part: isinstance(part.shape, HeightMapShape)) for body in self._grounds]
         self._height_maps = [body for body in maps if body.parts]
         self._ground_models: dict[str, tuple[mujoco.MjModel, mujoco.MjData]] = {}
 
@@ -173,8 +169,8 @@ def _are_near(pose: Pose3, robot: PlacedRobot, other: Placed) -> bool:
     return math.dist(pose.position, other[1].pose.position) < robot.tree.reach + other[0].tree.reach
 
 
-def _only(body: WorldBody, wanted: object) -> WorldBody:
-    return replace(body, parts=tuple(part for part in body.parts if part.solid and wanted(part)))  # type: ignore[operator]
+def _with_parts(body: WorldBody, predicate: Callable[[BodyPart], bool]) -> WorldBody:
+    return replace(body, parts=tuple(part for part in body.parts if part.solid and predicate(part)))
 
 
 def _reach(part: BodyPart) -> tuple[tuple[float, float, float], float]:

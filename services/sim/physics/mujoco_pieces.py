@@ -16,7 +16,7 @@ Numbers = NDArray[np.intp]
 
 TOLERANCE = 0.001
 """m; deviation of a piece from the mesh, larger if there would be too many pieces."""
-MOST_PIECES = 1000
+MAX_PIECES = 1000
 FILLED = 0.99
 """Minimum share of a flat piece's hull that its triangles cover."""
 _SAMPLE = 256
@@ -46,7 +46,7 @@ def _cut(corners: Floats, triangles: NDArray[np.int32], tolerance: float) -> lis
             axis = int(np.argmax(np.ptp(middles, axis=0)))
             order, half = np.argsort(middles[:, axis], kind="stable"), len(piece) // 2
             pending += [(piece[order[:half]], solid), (piece[order[half:]], solid)]
-        if len(pieces) + len(pending) > MOST_PIECES:
+        if len(pieces) + len(pending) > MAX_PIECES:
             return None
     return pieces
 

@@ -22,9 +22,9 @@ from services.sim.physics.world import Inertia
 
 DEFAULT_FRICTION = 0.5
 """For a link without a ``<contact>``, as in PyBullet."""
-LEAST_MASS = 1e-6
+MIN_MASS = 1e-6
 """kg; minimum mass of a moving part."""
-LEAST_MOMENT = 1e-9
+MIN_MOMENT = 1e-9
 """kg m2; minimum moment of inertia."""
 
 
@@ -165,9 +165,9 @@ class _Joining:
             parent=parent,
             joint=joint,
             pose=pose,
-            mass=max(mass, LEAST_MASS),
+            mass=max(mass, MIN_MASS),
             centre=Pose3(centre, axes),
-            moments=tuple(max(each, LEAST_MOMENT) for each in moments),
+            moments=tuple(max(each, MIN_MOMENT) for each in moments),
             collisions=tuple(collisions),
             visuals=tuple(visuals),
         )

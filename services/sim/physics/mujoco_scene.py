@@ -68,7 +68,7 @@ CONTACT_MARGIN = 0.001
 body standing on three points rocks on them."""
 JOINT_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """The hardest possible: with it the tutorial's arm stays at a stop within 0.001 degrees under 1,000 N m."""
-LEAST_RANGE = 1e-6
+MIN_RANGE = 1e-6
 """rad or m, minimum distance between the stops of a joint."""
 GROUND_COLOUR = (0.8, 0.8, 0.8, 1.0)
 THINNEST, THICKNESS = 1e-5, 1e-3
@@ -178,7 +178,7 @@ class SceneBuilder:
         try:
             model = self._spec.compile()
         except ValueError as error:
-            raise BadInput(f"MuJoCo cannot simulate this: {error}") from error
+            raise BadInput(f"MuJoCo cannot compile the world: {error}") from error
         model.stat.meaninertia = TYPICAL_INERTIA
         found = self._shapes
         slide = np.array(found.slide, np.float64).reshape(-1, 3)
@@ -274,7 +274,7 @@ class SceneBuilder:
         limits = joint.limits
         bounds = None
         if joint.kind != "continuous" and limits.lower is not None and limits.upper is not None:
-            bounds = limits.lower, max(limits.upper, limits.lower + LEAST_RANGE)
+            bounds = limits.lower, max(limits.upper, limits.lower + MIN_RANGE)
         limited = bounds is not None and (limits.upper or 0.0) >= (limits.lower or 0.0)
         slides = joint.kind == "prismatic"
         body.add_joint(

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.se3 import Pose3, Vector, rotate, rotate_inverse, rotated_axes
+from messages.se3 import Pose3, Vector, add_cross, rotate, rotate_inverse, rotated_axes
 from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.physics._mujoco import mujoco
@@ -22,29 +22,27 @@ from services.sim.physics.mujoco_rays import RayModel, own_hits
 from services.sim.physics.mujoco_robot import read_tree
 from services.sim.physics.mujoco_scene import SEEN_GROUPS, PlacedRobot, Scene, build_scene, movable_bodies, wxyz
 from services.sim.physics.world import (
+    MIN_STANDING_NORMAL,
     SLIDING_SHARE,
     Body,
     BodyState,
     CameraModel,
     Configuration,
     Contact,
+    ground_samples,
 )
 
 SECOND = 1_000_000_000
 Floats = NDArray[np.float64]
 
-STANDING = 0.7
-"""Vertical part of a contact's normal above which standing on a ramp or height map is no collision: cos 45 degrees."""
 _SKY = 1e4
 """m; nothing is farther away."""
 _SMOOTH = 0.1
 """Friction up to which a contact is assumed to keep sliding through a step, as a caster's does."""
 _LIFT = 0.002
 """m/s; a contact that sliding lifts by less is not solved again."""
-_LEAST_FRICTION: float = mujoco.mjMINMU
+_MIN_FRICTION: float = mujoco.mjMINMU
 """Without any friction, the engine lets a contact give way, and a body standing on it sinks into the ground."""
-_AROUND = 12
-"""Directions in which the ground around a point is sampled."""
 
 
 class _Sliding(NamedTuple):
@@ -136,10 +134,8 @@ class MujocoWorld:
         """Return the highest ground within ``radius`` of a point, m: of ramps, height maps and floors, or 0."""
         highest = 0.0
         if self._checker.has_grounds:
-            for step in range(_AROUND * 3):
-                reach, turn = radius * (step // _AROUND) / 2, 2 * math.pi * (step % _AROUND) / _AROUND
-                place = x + reach * math.cos(turn), y + reach * math.sin(turn)
-                highest = max(highest, self._checker.ground_height(*place, self._places()) or 0.0)
+            for point in ground_samples(x, y, radius):
+                highest = max(highest, self._checker.ground_height(*point, self._places()) or 0.0)
         return highest
 
     def spawn(self, body: Body) -> MujocoBody:
@@ -357,16 +353,16 @@ class MujocoWorld:
         plan, data = self._plan(links), self._data
         self.refresh()
         self._compute_velocities()
-        frames, moves = self._frames(plan), np.empty((6, len(links)))
+        frames = self._frames(plan)
+        moves: Any = np.empty((6, len(links)))
         moves[:, plan.at_root] = self.states()[plan.roots, 7:].T
         # As mj_objectVelocity computes it: the engine keeps the velocity of the whole body's centre of mass.
         parts, trees = plan.parts, self._model.body_rootid[plan.parts]
         a, b, c = (data.xpos[parts] - data.subtree_com[trees]).T
         i, j, k, u, v, w = data.cvel[parts].T
         moves[:, ~plan.at_root] = u - (b * k - c * j), v - (c * i - a * k), w - (a * j - b * i), i, j, k
-        x, y, z = rotate(frames.orientation, plan.places.position)
         vx, vy, vz, wx, wy, wz = moves
-        moved = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
+        moved = add_cross((vx, vy, vz), (wx, wy, wz), rotate(frames.orientation, plan.places.position))
         return np.concatenate((*(frames @ plan.places), moved, moves[3:])).T
 
     def _plan(self, links: Sequence[tuple[str, str]]) -> _LinkPlan:
@@ -425,8 +421,7 @@ class MujocoWorld:
         number = self._first_parts[body] + part
         mujoco.mj_comPos(self._model, self._data)
         x, y, z = (a - b for a, b in zip(point, self._data.xipos[number].tolist(), strict=True))
-        fx, fy, fz = force
-        about = torque[0] + y * fz - z * fy, torque[1] + z * fx - x * fz, torque[2] + x * fy - y * fx
+        about = add_cross(torque, (x, y, z), force)
         self._data.xfrc_applied[number] += (*force, *about)
         self._pushed = True
 
@@ -517,7 +512,7 @@ class MujocoWorld:
         scene, contact = self._scene, self._data.contact
         assert scene is not None
         pairs = contact.geom
-        product = np.maximum(scene.friction[pairs[:, 0]] * scene.friction[pairs[:, 1]], _LEAST_FRICTION)
+        product = np.maximum(scene.friction[pairs[:, 0]] * scene.friction[pairs[:, 1]], _MIN_FRICTION)
         contact.friction[:, :2] = product[:, None]
         if scene.slides:
             for side in (0, 1):
@@ -568,10 +563,10 @@ class MujocoWorld:
         left -= data.efc_aref
         rows, friction, motion = sliding
         lift = np.hypot(friction[:, 0] * left[rows + 1], friction[:, 1] * left[rows + 2])
-        wanted = motion - lift
-        stopped = wanted - data.efc_aref[rows] > _LIFT / (self._step_ns / SECOND)
+        required = motion - lift
+        stopped = required - data.efc_aref[rows] > _LIFT / (self._step_ns / SECOND)
         if stopped.any():
-            data.efc_aref[rows[stopped]] = wanted[stopped]
+            data.efc_aref[rows[stopped]] = required[stopped]
             mujoco.mj_fwdConstraint(self._model, data)
 
     def _find_contacts(self) -> tuple[Contact, ...]:
@@ -581,7 +576,7 @@ class MujocoWorld:
         pairs = data.contact.geom
         owners = scene.owner[pairs]
         counts = (owners[:, 0] >= 0) & (owners[:, 1] >= 0) & (owners[:, 0] != owners[:, 1])
-        counts &= ~(scene.ground[pairs].any(axis=1) & (np.abs(data.contact.frame[:, 2]) > STANDING))
+        counts &= ~(scene.ground[pairs].any(axis=1) & (np.abs(data.contact.frame[:, 2]) > MIN_STANDING_NORMAL))
         # Near misses are also listed; a contact has depth or transmits a force.
         rows = data.contact.efc_address
         counts &= (data.contact.dist <= 0) | ((rows >= 0) & (data.efc_force[np.maximum(rows, 0)] > 0))

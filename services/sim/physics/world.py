@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -17,10 +18,23 @@ GRAVITY = 9.81
 """m/s2, toward -z."""
 SOLVER_ITERATIONS = 50
 """Solver iterations per step; with 20 a robot drifts by 1.9 mm per metre driven, with 50 by 0.2."""
-
-
 SLIDING_SHARE = 0.02
 """Share of its friction that a link has along its sliding axis. With 0.1, a square of four wheels turns 2.5 % short."""
+MAX_PENETRATION = 0.002
+"""m; allowed depth of a body in another or in the ground: that of resting on it, and rounding."""
+MAX_SUNK = 0.1
+"""m; allowed depth of a body's origin below the surface of a height map."""
+MIN_STANDING_NORMAL = 0.7
+"""Vertical part of a contact's normal above which standing on a ramp or height map is no collision: cos 45 degrees."""
+
+
+def ground_samples(x: float, y: float, radius: float) -> Iterator[tuple[float, float]]:
+    """Yield points [m] at which the ground around (x, y) is sampled: the centre, and two circles of 12 points."""
+    yield x, y
+    for reach in (radius / 2, radius):
+        for step in range(12):
+            turn = math.tau * step / 12
+            yield x + reach * math.cos(turn), y + reach * math.sin(turn)
 
 
 class Configuration(NamedTuple):
@@ -143,7 +157,7 @@ class BodyHandle(Protocol):
 
     @property
     def limited_damping(self) -> Mapping[str, float]:
-        """Joints whose damping was reduced to the most that a step can carry, and its value."""
+        """Joints whose damping was reduced to the largest stable value, and its value."""
 
     @property
     def motor_joints(self) -> tuple[str, ...]:

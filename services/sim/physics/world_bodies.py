@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from messages.se3 import IDENTITY, Pose3, Vector, rotate
+from messages.se3 import IDENTITY, Pose3, Vector, cross, rotate
 from models.bodies import BodyPart, BoxShape, CylinderShape, HeightMapShape, MeshShape, RampShape, Shape, SphereShape
 from models.mass_properties import mass_properties
 from models.mesh import Mesh, hull_points
@@ -18,7 +18,7 @@ from services.sim.physics._pybullet import pybullet
 from services.sim.physics.collision_groups import BODY, FIXED, GROUND, MOVING_GROUND, set_contact_dynamics
 from services.sim.physics.world import BodyState
 
-MOST_TRIANGLES = 80_000
+MAX_TRIANGLES = 80_000
 """Per collision shape; PyBullet's limits are 131,072 corners and 524,288 indices, so larger meshes become several
 bodies."""
 _DRAWN_ROWS = 200
@@ -55,12 +55,12 @@ class WorldBodyHandle:
         position, orientation = pybullet.getBasePositionAndOrientation(self.number, self.client)
         linear, angular = pybullet.getBaseVelocity(self.number, self.client)
         arm = rotate(orientation, self.centre)
-        return BodyState(_minus(position, arm), orientation, _minus(linear, _cross(angular, arm)), angular)
+        return BodyState(_minus(position, arm), orientation, _minus(linear, cross(angular, arm)), angular)
 
     def set_state(self, state: BodyState) -> None:
         """Set its pose and velocity, without a check."""
         arm = rotate(state.orientation, self.centre)
-        x, y, z = _cross(state.angular, arm)
+        x, y, z = cross(state.angular, arm)
         linear = state.linear[0] + x, state.linear[1] + y, state.linear[2] + z
         self.set_pose(Pose3(state.position, state.orientation))
         pybullet.resetBaseVelocity(self.number, linear, state.angular, physicsClientId=self.client)
@@ -280,7 +280,7 @@ def _drawn_mesh(shape: MeshShape | RampShape | HeightMapShape) -> Mesh:
     """Return the mesh to draw, with separate corners for each triangle, so that edges look sharp."""
     match shape:
         case MeshShape(mesh):
-            if len(mesh.triangles) * 3 > MOST_TRIANGLES:
+            if len(mesh.triangles) * 3 > MAX_TRIANGLES:
                 return mesh
         case RampShape():
             mesh = ramp_mesh(shape)
@@ -303,11 +303,11 @@ def _normals(mesh: Mesh) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
 
 def _chunks(mesh: Mesh) -> Iterable[Mesh]:
     """Split a mesh into pieces within PyBullet's limits."""
-    if len(mesh.triangles) <= MOST_TRIANGLES and len(mesh.vertices) <= 1.5 * MOST_TRIANGLES:
+    if len(mesh.triangles) <= MAX_TRIANGLES and len(mesh.vertices) <= 1.5 * MAX_TRIANGLES:
         yield mesh
         return
-    for start in range(0, len(mesh.triangles), MOST_TRIANGLES // 2):
-        used, index = np.unique(mesh.triangles[start : start + MOST_TRIANGLES // 2], return_inverse=True)
+    for start in range(0, len(mesh.triangles), MAX_TRIANGLES // 2):
+        used, index = np.unique(mesh.triangles[start : start + MAX_TRIANGLES // 2], return_inverse=True)
         yield Mesh(mesh.vertices[used], index.reshape(-1, 3).astype(np.int32))
 
 
@@ -317,8 +317,3 @@ def _plus(one: Vector, other: Vector) -> Vector:
 
 def _minus(one: Vector, other: Vector) -> Vector:
     return one[0] - other[0], one[1] - other[1], one[2] - other[2]
-
-
-def _cross(one: Vector, other: Vector) -> Vector:
-    (a, b, c), (x, y, z) = one, other
-    return b * z - c * y, c * x - a * z, a * y - b * x

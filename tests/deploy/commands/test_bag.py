@@ -88,7 +88,7 @@ def test_record_on_a_full_disk_tells_what_is_missing(network: Network, node: Nod
     finally:
         process.kill()
     assert process.returncode == 1, err
-    assert "the disk does not take the recording (File too large)" in err
+    assert "the recording cannot be written (File too large)" in err
     assert "messages are missing from" in err
     kept = Counter(each.channel.topic for each in open_bag(tmp_path / "full").entries())
     assert 0 < kept["/full/robot_description"] < 500
@@ -114,7 +114,7 @@ def test_info_and_export(bags: Path, tmp_path: Path) -> None:
         entities = {str(each.entity_path) for each in RrdReader(tmp_path / f"{name}.rrd").stream()}
         assert topics <= entities, entities
     torn = terminal.run("bag", "export", str(bags / "torn.mcap"), "-o", "rest")
-    assert (torn.status, "torn.mcap is torn" in torn.err) == (1, True)
+    assert (torn.status, "torn.mcap is truncated" in torn.err) == (1, True)
     assert len((tmp_path / "rest" / "r__odom.csv").read_text().splitlines()) == 12
 
 
@@ -147,7 +147,7 @@ def test_bags_whose_names_have_a_dot_have_a_recording_each(tmp_path: Path) -> No
         (["export", "{bags}/ours", "--topics", "/r/odomm"], "did you mean '/r/odom'?"),
         (["export", "{bags}/ours", "--to", "xml"], "'xml' is not one of 'csv', 'rrd', 'rosbag2'"),
         (["export", "{bags}/ours", "-o", "/dev/full/x"], "the tables cannot be written"),
-        (["recrod"], "unknown verb 'recrod'; did you mean 'record'?"),
+        (["recrod"], "unknown command 'recrod'; did you mean 'record'?"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

@@ -46,7 +46,7 @@ def test_another_hook_is_kept_and_a_folder_without_git_is_refused(repository: Pa
     hook = repository / ".git/hooks/pre-commit"
     hook.parent.mkdir(exist_ok=True)
     hook.write_text("#!/bin/sh\nexit 0\n")
-    with pytest.raises(BadInput, match=r"exists already: add a line \./elea check to it"):
+    with pytest.raises(BadInput, match=r"exists already: add the line \./elea check to it"):
         install_pre_commit_hook(repository)
     assert hook.read_text() == "#!/bin/sh\nexit 0\n"
     hook.unlink()

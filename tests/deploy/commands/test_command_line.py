@@ -29,7 +29,7 @@ def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subp
 @pytest.mark.parametrize(
     ("arguments", "hint"),
     [
-        (["upp"], "unknown verb 'upp'; did you mean 'up'"),
+        (["upp"], "unknown command 'upp'; did you mean 'up'"),
         (["up", "lap"], "unknown fleet 'lap'; did you mean 'lab'"),
         (["up", "--robots", "3"], "--robots 3: this fleet has no [[grid]]"),
         (["up", "--mode", "reel"], "'reel' is not one of"),
@@ -44,6 +44,10 @@ def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subp
         (["run", "wayponit"], "unknown service 'wayponit'; did you mean 'waypoint'"),
         (["run", "nowhere.py"], "there is no file nowhere.py"),
         (["run", "tests/harness/memory_node.py"], "defines things but runs nothing"),
+        (["run", "--seed", "0", "waypoint"], "--seed is for programs of ROS, which waypoint is not"),
+        (["param", "set", "/sim", "--timeot", "3"], "unknown option '--timeot'; did you mean '--timeout'"),
+        (["report", "."], ". holds no report.json"),
+        (["view", "."], ". is not a bag"),
         (["down"], "no fleet is running"),
         (["restart", "sim"], "no fleet is running"),
         (["graph", "--port", "1"], "is a fleet up? ./elea ps lists those that run"),

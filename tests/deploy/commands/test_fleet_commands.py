@@ -138,7 +138,7 @@ def test_ping_measures_the_loop_of_a_node(terminal: FleetCommandLine) -> None:
 def test_page_that_the_verb_serves_ends_with_its_fleet_and_logs_outlive_it(terminal: FleetCommandLine) -> None:
     panel = ran(terminal, "panel", "--no-open")
     wait_until(lambda: "http://127.0.0.1:" in panel.text, 60, "an address")
-    wait_until(lambda: "this command serves the page, until the fleet ends, or Ctrl-C" in panel.text)
+    wait_until(lambda: "this command serves the page until the fleet ends, or Ctrl-C" in panel.text)
     terminal.run("down")
     panel.wait(60)
     assert "one has ended, and its page with it" in panel.text

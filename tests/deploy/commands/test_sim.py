@@ -85,7 +85,7 @@ def test_models_come_move_and_go(sim_command: SimCommandLine) -> None:
         "velocity m/s",
         "turn rate rad/s",
     ]
-    assert sim_command.output("delete", "new") == "new is gone\n"
+    assert sim_command.output("delete", "new") == "deleted new\n"
     assert [each["name"] for each in sim_command.output_json("list")["models"]] == ["arm", "tb3"]
 
 
@@ -102,7 +102,7 @@ def test_efforts_and_positions(sim_command: SimCommandLine) -> None:
     assert header.split()[:4] == ["joint", "type", "position", "rate"]
     assert row.split()[:2] == ["arm::bear_link", "revolute"]
     assert len(sim_command.output("joints").splitlines()) == 4, "the arm's and both wheels"
-    assert sim_command.output("clear", "arm/bear_link") == "1 job of arm::bear_link dropped\n"
+    assert sim_command.output("clear", "arm/bear_link") == "1 job of arm::bear_link cleared\n"
     assert sim_command.output("configure", "arm", "bear_link=-0.5") == "arm: bear_link -0.5\n"
     assert sim_command.output_json("joints", "arm")[0]["position"] == -0.5
     sim_command.output("reset")
@@ -114,7 +114,7 @@ def test_wrenches(sim_command: SimCommandLine) -> None:
     sim_command.output("step", "20")
     assert sim_command.output_json("properties", "tb3::base_footprint")["wrenches"] == 1
     assert sim_command.output_json("state", "tb3::base_footprint")["twist"]["linear"]["z"] > 1.0
-    assert sim_command.output("clear", "--wrench", "tb3") == "1 job of tb3::base_footprint dropped\n"
+    assert sim_command.output("clear", "--wrench", "tb3") == "1 job of tb3::base_footprint cleared\n"
     sim_command.output("reset")
 
 
@@ -140,7 +140,7 @@ def test_properties(sim_command: SimCommandLine) -> None:
         (("set-state", "tb3", "-R", "-90"), 2, "'-R' / '--roll': -90 rad is more than a whole turn"),
         (("delete", "nobody"), 1, "unknown model 'nobody'"),
         (("step", "0"), 2, "0 is not in the range"),
-        (("stepp",), 2, "unknown verb 'stepp'; did you mean 'step'"),
+        (("stepp",), 2, "unknown command 'stepp'; did you mean 'step'"),
     ],
 )
 def test_what_is_refused(sim_command: SimCommandLine, words: tuple[str, ...], status: int, says: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.commands.diagnostics import are_of_others, parallel_arguments, path_from
+from deploy.commands.diagnostics import are_external, parallel_arguments, path_from
 from services.runtime.process import ROOT
 
 TWO = ["--tx", "2*popen", "--dist", "loadfile", "--no-loadscope-reorder"]
@@ -54,7 +54,7 @@ def test_tests_outside_of_the_project_are_not_asked_for_its_markers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    assert are_of_others([f"{tmp_path}::test_it", "-x"])
-    assert are_of_others(["deploy", "-k", "lockstep"]), "a file of one's own in the checkout"
+    assert are_external([f"{tmp_path}::test_it", "-x"])
+    assert are_external(["deploy", "-k", "lockstep"]), "a file of one's own in the checkout"
     for ours in ([], ["tests/models", str(tmp_path)], ["-k", "lockstep"], [str(ROOT)], ["tests"]):
-        assert not are_of_others(ours), ours
+        assert not are_external(ours), ours

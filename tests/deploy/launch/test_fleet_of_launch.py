@@ -142,7 +142,7 @@ def test_the_plugin_of_a_drive_gives_its_namespace_to_a_model_of_ours(workspace:
         made = workspace.fleet(spawn.format(group, case))
         (robot,) = made.table["robot"]
         assert (robot["model"], robot["namespace"]) == ("p3dx", namespace)
-        assert any("as the plugin of its drive says" in each for each in made.notes) == (namespace != group)
+        assert any("the topic of its drive plugin" in each for each in made.notes) == (namespace != group)
     workspace.write("robots/broken/p3dx.urdf", "<robot")
     assert workspace.table(spawn.format("/", "broken"))["robot"][0]["namespace"] == "/"
 
@@ -220,7 +220,7 @@ def test_a_heading_in_degrees_is_what_gazebo_makes_of_it_and_is_noted(workspace:
     (robot,) = made.table["robot"]
     assert robot["pose"] == {"yaw": math.remainder(90, math.tau)}
     assert any(
-        "-Y 90 counts in rad, as in Gazebo" in each and "90 degrees would be 1.5708" in each for each in made.notes
+        "-Y 90 is in rad, as in Gazebo" in each and "90 degrees would be 1.5708 rad" in each for each in made.notes
     )
     checked_fleet(workspace.source / "talks/launch/test.launch", made)
 
@@ -255,7 +255,7 @@ def test_a_relative_world_is_looked_for_where_gazebo_does(workspace: LaunchWorks
     empty = '<sdf version="1.6"><world name="own"/></sdf>'
     made = workspace.fleet(gazebo.format(env="", world="shapes"))  # a world that comes with Gazebo
     assert made.table["world"] == "empty"
-    assert made.notes == ["the world worlds/shapes.world is not here; the ground is empty"]
+    assert made.notes == ["the world worlds/shapes.world was not found; an empty ground replaces it"]
     named = workspace.write("elsewhere/worlds/named.world", empty)
     path = f'<env name="GAZEBO_RESOURCE_PATH" value="/nowhere:{workspace.source}/elsewhere"/>'
     assert workspace.table(gazebo.format(env=path, world="named"))["world"] == str(named)
@@ -319,6 +319,19 @@ def test_what_cannot_be_run_is_named_and_only_an_error_if_required(workspace: La
             workspace.fleet(f'<node pkg="gazebo_ros" name="n" {attributes}/>')
 
 
+def test_args_with_an_open_quote_are_told_with_file_and_line(workspace: LaunchWorkspace) -> None:
+    for node in (
+        'pkg="gazebo_ros" type="gzserver"',
+        'pkg="gazebo_ros" type="spawn_model"',
+        'pkg="map_server" type="map_server"',
+        'pkg="tf" type="static_transform_publisher"',
+        'pkg="controller_manager" type="spawner"',
+        'pkg="talks" type="talker.py"',
+    ):
+        with pytest.raises(BadInput, match=r"test\.launch:2: the args of n cannot be read: No closing"):
+            workspace.fleet(f'<node name="n" {node} args="it\'s"/>')
+
+
 def test_stand_ins_of_well_known_packages_are_fleets(workspace: LaunchWorkspace) -> None:
     packages = workspace.packages()
     for path in sorted(STAND_INS.rglob("*.launch")):
@@ -335,7 +348,7 @@ def test_a_launch_file_is_found_by_its_package_from_the_workspace(workspace: Lau
     errors = {
         ("talks", "tset.launch"): r"has no launch file tset\.launch; did you mean 'test\.launch'",
         ("tlaks", "test.launch"): r"there is no package 'tlaks'; did you mean 'talks'",
-        ("talks",): r"there is no launch file talks; a file of a package is named by both: talks FILE\.launch",
+        ("talks",): r"there is no launch file talks; for a launch file of a package, give both: talks FILE\.launch",
         ("a", "b", "c"): r"name a package and its launch file",
     }
     for words, said in errors.items():

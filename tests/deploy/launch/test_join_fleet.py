@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -12,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from deploy.launch.join_fleet import Programs
+from deploy.launch.join_fleet import Programs, stop_fleet
 from deploy.processes import NodeSpec, ProcessSpec
 from deploy.restart_policy import RestartPolicy
+from services.runtime.fleet_instances import FleetInstance
 from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.process
@@ -77,6 +79,12 @@ def test_all_end_with_a_required_one_and_by_ctrl_c(tmp_path: Path) -> None:
     thread.join()
     assert time.monotonic() - begun < 30
     _assert_ended(pid)
+
+
+def test_a_fleet_that_has_just_ended_needs_no_stop() -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        ended.wait()
+    stop_fleet(FleetInstance(fleet="roscore", mode="real", port=1, pid=ended.pid, folder="", started=""))
 
 
 def _assert_ended(pid: Path) -> None:

@@ -108,6 +108,9 @@ def test_names_remapping_and_private_parameters_follow_their_scopes(workspace: L
         '<node pkg="talks" type="talker.py" name="n" ns="a"><param name="~p" value="1"/></node>'
     ).parameters
     assert tree == {"a": {"n": {"p": 1}}}
+    gains = '<rosparam param="~/gains">{p: 1}</rosparam><rosparam param="~limits">{v: 2}</rosparam>'
+    tree = workspace.read(f'<node pkg="talks" type="talker.py" name="n" ns="a">{gains}</node>').parameters
+    assert tree == {"a": {"n": {"gains": {"p": 1}, "limits": {"v": 2}}}}
 
 
 def test_includes_have_arguments_and_namespaces_of_their_own(workspace: LaunchWorkspace) -> None:
@@ -150,7 +153,7 @@ ERRORS = {
     '<param name="a" value="x" type="integer"/>': r":2: unknown type 'integer'",
     '<param name="a"/>': r":2: <param> 'a' needs one of value, textfile and command, not none",
     '<param name="a" binfile="x"/>': r":2: <param> 'a': binfile is not supported",
-    '<param name="a" command="ls /"/>': r":2: the command 'ls' is not run: of commands only xacro, cat",
+    '<param name="a" command="ls /"/>': r":2: the command 'ls' is not run: only xacro, cat and rosversion",
     '<param name="a" textfile="/nowhere.txt"/>': r":2: <param> 'a': /nowhere\.txt cannot be read",
     "\n<rosparam>a: [1</rosparam>": r"test\.launch:3: YAML, line 1",
     '<rosparam file="/nowhere.yaml"/>': r":2: <rosparam>: /nowhere\.yaml cannot be read",
@@ -189,10 +192,10 @@ def test_what_roslaunch_passes_over_is_left_out_with_a_note(workspace: LaunchWor
     assert [each.name for each in launch.nodes] == ["a"]
     found = {note.partition("test.launch:")[2] for note in launch.notes}
     assert found == {
-        "3: <node> has no attribute 'respwan'; did you mean 'respawn'?; it is left out",
-        "3: <arg> is not an element here; it is left out",
-        "4: <nod> is not an element here; did you mean 'node'?; it is left out",
-        "5: <param> is not an element here; it is left out",
+        "3: <node> has no attribute 'respwan'; did you mean 'respawn'?; it is ignored",
+        "3: <arg> is not a launch file's element; it is ignored",
+        "4: <nod> is not a launch file's element; did you mean 'node'?; it is ignored",
+        "5: <param> is not a launch file's element; it is ignored",
     }
 
 
@@ -203,7 +206,7 @@ def test_what_copying_did_to_a_file_is_told(workspace: LaunchWorkspace) -> None:
         "<launch>\n<group>\n</launch>": r":3: this is not XML: mismatched tag \(<group> of line 2 is still open\)",
         '<launch>\n<param name="a" value="b & c"/>\n</launch>': r":2: .*line 2 has a bare '&'",
         '<launch>\n<node\n13\n name="a"/></launch>': r":3: .*line 3 begins with a number",
-        "<robot/>": r":1: the root is <robot>, a launch file's is <launch>",
+        "<robot/>": r":1: the root element is <robot>, not <launch>",
         '<!DOCTYPE a [<!ENTITY b "c">]>\n<launch/>': r":1: the file declares a document type",
         "": r":1: this is not XML: no element found",
     }

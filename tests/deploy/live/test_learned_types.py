@@ -74,4 +74,4 @@ def test_a_hostile_announcement_is_noted_and_harms_nothing(capsys: pytest.Captur
         assert record_on_network(MemoryTransport(bus), "evil/T0") is None
     shown = capsys.readouterr().err
     assert "'12 wheels' is not a field" in shown
-    assert "evil/T1 holds itself" in shown
+    assert "evil/T1 contains itself" in shown

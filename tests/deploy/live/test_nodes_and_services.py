@@ -63,7 +63,8 @@ def test_services(running: BackgroundFleet) -> None:
     assert running.run("service", "type", "/sim/pause").out == "std_msgs/Empty -> elea_msgs/SimTime\n"
     assert "/sim/delete\n" in running.run("service", "find", "elea_msgs/srv/Name").out
     assert running.run_json("service", "find", "elea_msgs/ModelList") == ["/sim/list"]
-    assert "no request has nav_msgs/Path now" in running.run("service", "find", "nav_msgs/Path", status=1).err
+    found = running.run("service", "find", "nav_msgs/Path", status=1)
+    assert "no running service has the type nav_msgs/Path" in found.err
 
 
 def test_calls(running: BackgroundFleet) -> None:

@@ -136,7 +136,7 @@ def test_waiting_for_subscribers(running: BackgroundFleet) -> None:
     ended = running.run("topic", "pub", "-1", "tb3_0/cmd_vle", "geometry_msgs/Twist", "--timeout", "1.2", status=1)
     assert "no subscribers to /tb3_0/cmd_vle; did you mean '/tb3_0/cmd_vel'?" in ended.err
     assert "waiting for 1 subscriber(s) of /tb3_0/cmd_vle, 0 there (-w 0 does not wait)" in ended.err
-    assert "0 of 1 subscribers of /tb3_0/cmd_vle came within 1.2 s" in ended.err
+    assert "0 of 1 subscribers of /tb3_0/cmd_vle appeared within 1.2 s" in ended.err
     assert running.run("topic", "pub", "-1", "-w", "0", "/lab/none", "std_msgs/Empty").out == "publishing #1: {}\n"
     running.run("topic", "pub", "-1", "--wait-matching", "9", "tb3_0/cmd_vel", "--timeout", "0.2", status=1)
 

@@ -73,7 +73,7 @@ def test_waiting_for_a_topic(running: BackgroundFleet) -> None:
     assert json.loads(out) == {"a": 1}
     assert "/lab/later is not published yet: waiting" in err
     silent = running.run("topic", "hz", "/tb3_0/cmd_vel", "--timeout", "1", status=1)
-    assert "nothing came on /tb3_0/cmd_vel within 1 s" in silent.err
+    assert "no message arrived on /tb3_0/cmd_vel within 1 s" in silent.err
 
 
 def test_a_topic_that_is_not_there(running: BackgroundFleet) -> None:
@@ -106,7 +106,7 @@ def test_a_topic_that_is_not_there(running: BackgroundFleet) -> None:
         (["hz", "/tb3_0/odom", "--window", "1"], "x>=2"),
         (["echo", "/tb3_0/odom", "--timeout", "0"], "x>0"),
         (["find", "geometry_msgs/Twits"], "did you mean 'geometry_msgs/Twist'"),
-        (["ecoh", "/tb3_0/odom"], "unknown verb 'ecoh'; did you mean 'echo'"),
+        (["ecoh", "/tb3_0/odom"], "unknown command 'ecoh'; did you mean 'echo'"),
         (["list", "--port", "1"], "no fleet is running on port 1"),
         (["list", "--connect", "tcp/127.0.0.1:1"], "no router at tcp/127.0.0.1:1"),
     ],

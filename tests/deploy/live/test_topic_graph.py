@@ -38,7 +38,8 @@ def test_type_and_find(running: BackgroundFleet) -> None:
         assert running.run("topic", "find", spelling).out == "/tb3_0/cmd_vel\n/tb3_1/cmd_vel\n"
     assert running.run("topic", "find", "-c", "geometry_msgs/Twist").out == "2\n"
     assert running.run_json("topic", "find", "rosgraph_msgs/Clock") == ["/clock"]
-    assert "no topic carries geometry_msgs/Pose now" in running.run("topic", "find", "geometry_msgs/Pose", status=1).err
+    found = running.run("topic", "find", "geometry_msgs/Pose", status=1)
+    assert "no topic has the type geometry_msgs/Pose now" in found.err
 
 
 def test_info(running: BackgroundFleet) -> None:

@@ -132,7 +132,7 @@ def test_a_planted_hash_is_found(runs: Runs, tmp_path: Path) -> None:
     status, text, data = runs.diff(runs.left, planted(runs, tmp_path / "run", change))
     assert status == 1
     assert data["trajectory"] is None
-    assert "note: the hashes differ, but not what trajectories.npz keeps" in text
+    assert "note: the hashes differ, but trajectories.npz does not" in text
 
 
 def test_a_run_that_ended_earlier_is_the_same_up_to_there(tmp_path: Path) -> None:

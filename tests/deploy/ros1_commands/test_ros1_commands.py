@@ -78,7 +78,7 @@ def test_the_port_in_ros_master_uri_chooses_a_fleet(executed: list[list[str]], m
     assert executed[1][-3:] == [str(TOOLS / "rosnode_command.py"), "kill", "/tb3_0/talker"]
     assert run_command("roscore", []) == 0
     monkeypatch.delenv("ROS_MASTER_URI")
-    choices = r"ROS_MASTER_URI=…, which is one of http://localhost:7447 \(f7447\), http://localhost:7450 \(f7450\)"
+    choices = r"ROS_MASTER_URI=URL, URL being one of http://localhost:7447 \(f7447\), http://localhost:7450 \(f7450\)"
     with pytest.raises(BadInput, match=choices):
         run_command("rostopic", ["list"])
     run("rosmsg", "show", "std_msgs/Empty")
@@ -104,7 +104,7 @@ def test_what_is_not_needed_says_so(
     monkeypatch.setenv("ROS_PACKAGE_PATH", "")
     assert [run_command(name, []) for name in ("catkin_make", "catkin", "rosdep", "rosversion")] == [0, 0, 0, 0]
     said = capsys.readouterr().out
-    assert "nothing must be built" in said
+    assert "nothing needs to be built" in said
     assert "noetic" in said
     assert run_command("catkin_create_pkg", ["mine", "std_msgs", "rospy"]) == 0
     assert run_command("rospack", ["find", "mine"]) == 0

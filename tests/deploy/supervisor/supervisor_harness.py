@@ -53,13 +53,13 @@ class SupervisorHarness:
         self.lives = made.processes
         return made
 
-    def on_state_change(self, life: ManagedProcess, fleet: FleetState) -> None:
-        self.state_changes.append((time.monotonic(), life.spec.name, life.state))
+    def on_state_change(self, process: ManagedProcess, fleet: FleetState) -> None:
+        self.state_changes.append((time.monotonic(), process.spec.name, process.state))
 
     def on_note(self, text: str) -> None:
         self.notes.append(text)
 
-    def on_poll(self, lives: Sequence[ManagedProcess]) -> None:
+    def on_poll(self, processes: Sequence[ManagedProcess]) -> None:
         pass
 
     def print_line(self, line: str) -> None:
@@ -125,7 +125,7 @@ async def wait_until(condition: Callable[[], object], seconds: float = WITHIN_S)
 
 async def wait_all_ready(supervisor: Supervisor) -> None:
     """Wait until every process is ready."""
-    await wait_until(lambda: all(life.state == "ready" for life in supervisor.processes.values()))
+    await wait_until(lambda: all(process.state == "ready" for process in supervisor.processes.values()))
 
 
 def has_ended(pid: int) -> bool:
@@ -138,7 +138,7 @@ def has_ended(pid: int) -> bool:
 
 def unexcused_silence(log: str) -> float:
     """Return how long [s] the process killed last was silent while it had a processor."""
-    said = re.findall(r"no heartbeat for ([\d.]+) s(?:, ([\d.]+) s of them in wait for a processor)?", log)
+    said = re.findall(r"no heartbeat for ([\d.]+) s(?:, of which it waited ([\d.]+) s for a processor)?", log)
     assert said, log
     silent, held_up = said[-1]
     return float(silent) - float(held_up or 0)

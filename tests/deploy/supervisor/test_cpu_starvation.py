@@ -46,7 +46,7 @@ def test_who_waits_for_a_processor_is_told_from_who_hangs(tmp_path: Path) -> Non
 
     outcome = stage.run(starve, faulty_process("starved", "/starved"), faulty_process("good", "/frozen"))
     (told,) = stage.notes
-    assert re.fullmatch(r"starved: no heartbeat for \d+\.\d s, it waits for a processor: .* too busy .*", told)
+    assert re.fullmatch(r"starved: no heartbeat for \d+\.\d s, it is waiting for a processor: .* too busy .*", told)
     assert stage.states("starved") == ["waiting", "starting", "ready", "stopping", "stopped"]
     assert outcome.restarts == stage.states("frozen").count("backing off") == 1
     assert HEARTBEAT_TIMEOUT_S - 0.1 < unexcused_silence(stage.log("frozen")) < HEARTBEAT_TIMEOUT_S + 1.0

@@ -37,6 +37,6 @@ def test_its_last_line_counts_and_the_supervisor_s_own_do_not(tmp_path: Path, wr
     assert last_line(log) == ""
     log.write_text(written)
     assert last_line(log) == words
-    if written.endswith("\n"):
-        append_note(log, "a failed: exit status 2")
-        assert last_line(log) == words
+    append_note(log, "a failed: exit status 2")
+    assert last_line(log) == words
+    assert log.read_text().splitlines()[-1] == "--- a failed: exit status 2"

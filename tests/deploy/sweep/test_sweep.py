@@ -56,7 +56,7 @@ def test_what_is_no_sweep_is_refused() -> None:
         ("", "model"): "is not an assignment",
         ("", "model="): "a value is empty",
         ("", "model=a", "model=b"): "gives model twice",
-        ("0..9999", "run.latency=0,1"): "20000 combinations are more than 10000",
+        ("0..9999", "run.latency=0,1"): "20000 combinations: a sweep has at most 10000 runs",
     }.items():
         with pytest.raises(BadInput, match=what):
             swept(*assignments, seeds=seeds)
@@ -73,7 +73,7 @@ def test_every_combination_is_checked_before_anything_starts(tmp_path: Path) -> 
         ("--set", "run.latency=0,2"): "latency",
         ("--set", "tb3_0.model=burger,wafle"): "did you mean 'waffle'",
         ("--seeds", "0..1", "--plot", "tb3_0.path_lenght_m"): "did you mean 'tb3_0.path_length_m'",
-        ("--seeds", "0..1", "--plot", "path_length_m"): "say whose, as tb3_0.path_length_m",
+        ("--seeds", "0..1", "--plot", "path_length_m"): "say whose, e.g. tb3_0.path_length_m",
         ("--seeds", "0..1", "--plot", "sim_seconds", "--over", "sead"): "did you mean 'seed'",
         ("--plot", "sim_seconds"): "nothing was varied",
         ("--set", 'run.ends="never","duration"'): "never ends by itself",

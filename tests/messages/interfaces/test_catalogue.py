@@ -171,7 +171,7 @@ def test_what_is_wrong_in_a_workspace_is_named(tmp_path: Path) -> None:
     )
     catalogue = Catalogue(lambda name: folder if name == "bad" else None)
     for name, reason in (
-        ("bad/Self", "bad/Self holds itself"),
+        ("bad/Self", "bad/Self contains itself"),
         ("bad/Lost", f"{folder}/msg/Lost.msg:3: geometry_msgs has no message 'Poze'; did you mean 'geometry_msgs/Pose"),
         ("bad/Lost2Response", f"{folder}/srv/Lost2.srv:2: unknown package 'nowhere'"),
         ("bad/Long", "Long.msg:1: an array of 2000000 values"),

@@ -85,7 +85,7 @@ def test_what_others_announce_is_bounded() -> None:
         ("walk/Step", "int32 a\n", "is defined in two ways: the first definition is kept"),
         ("walk/Odd", "12 wheels", "'12 wheels' is not a field"),
         ("walk/Long", "#" * 70_000, "has 70000 bytes, the limit is 65536"),
-        ("walk/Self", "walk/Self[] a\n", "holds itself"),
+        ("walk/Self", "walk/Self[] a\n", "contains itself"),
         ("walk/Wide", "float64[900000000] a\n", "the limit is"),
         ("walk/Large", "float64[8000000] a\n", "has 64000000 bytes, the limit for a record is 1048576"),
         ("walk/Lost", "walk/Other a\n", "walk/Other is not defined"),

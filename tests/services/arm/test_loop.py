@@ -74,7 +74,7 @@ def test_before_the_first_reference_it_holds_what_it_found() -> None:
     with standing() as stand:
         stand.run(1.0)
         assert stand.arm.degrees == pytest.approx(math.degrees(0.2), abs=0.3)
-        assert "holding bear_link from 11.46 deg on" in stand.bench.log
+        assert "holding bear_link, starting at 11.46 deg" in stand.bench.log
         assert "no reference on /robot_control/reference yet, holding 11.46 deg" in stand.bench.log
         assert stand.bench.drain(CONTROL_ERROR) == [], "there is no error without a reference"
         assert stand.bench.drain(CONTROL_STATE) == []
@@ -112,10 +112,10 @@ def test_a_silent_reference_is_held_and_a_returning_one_is_followed() -> None:
         stand.run(1.0, lambda time: 20.0 + time)
         stand.run(1.5)
         assert stand.arm.degrees == pytest.approx(20.98, abs=0.05)
-        assert "holding 20.98 deg: has its service died?" in stand.bench.log
+        assert "holding 20.98 deg: is its service still running?" in stand.bench.log
         stand.run(1.0, lambda _: -10.0)
         assert stand.arm.degrees == pytest.approx(-10.0, abs=0.02)
-        assert "references are back" in stand.bench.log
+        assert "references are arriving again" in stand.bench.log
 
 
 def test_without_joint_states_it_lets_go_and_begins_anew_with_them() -> None:
@@ -128,7 +128,7 @@ def test_without_joint_states_it_lets_go_and_begins_anew_with_them() -> None:
         before = len(stand.jobs)
         for _ in range(20):
             stand.tick(states=False, acts=False)
-        wait_until(lambda: "no joint states on /arm/joint_states for 0.1 s, letting go" in stand.bench.log)
+        wait_until(lambda: "no joint states on /arm/joint_states for 0.1 s, releasing the joint" in stand.bench.log)
         assert stand.bench.drain(JOINT_EFFORT) == []
         stand.run(1.0, lambda _: 0.0)
         assert len(stand.jobs) == before + 100

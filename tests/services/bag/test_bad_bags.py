@@ -59,9 +59,9 @@ def test_every_way_to_pack_a_file_is_read(tmp_path: Path, compression: Compressi
 @pytest.mark.parametrize(
     ("channel", "reason"),
     [
-        (Channel("/t", "foxglove.Log", "protobuf", "", "protobuf"), "encoded as protobuf, not as cdr"),
-        (Channel("/t", "", "", "", ""), "encoded as nothing that is named"),
-        (Channel("/t", "geometry_msgs/Twist", "cdr", "module {}", "ros2idl"), "written as ros2idl"),
+        (Channel("/t", "foxglove.Log", "protobuf", "", "protobuf"), "encoding of its messages is protobuf, not cdr"),
+        (Channel("/t", "", "", "", ""), "encoding of its messages is unnamed, not cdr"),
+        (Channel("/t", "geometry_msgs/Twist", "cdr", "module {}", "ros2idl"), "encoding is ros2idl"),
         (Channel("/t", "geometry_msgs/Twist", "cdr", "12 wheels", "ros2msg"), "'12 wheels' is not a field"),
     ],
 )

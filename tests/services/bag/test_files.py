@@ -86,7 +86,7 @@ def test_a_torn_file_is_read_up_to_its_last_whole_chunk(tmp_path: Path, share: f
     assert found == whole[: len(found)]
     assert len(found) % 5 == 0, "chunks come whole"
     assert len(found) >= {0.999: 50, 0.7: 40, 0.5: 15, 0.1: 0}[share]
-    assert "torn.mcap is torn" in bag_read.problems[0]
+    assert "torn.mcap is truncated" in bag_read.problems[0]
 
 
 def test_messages_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,7 +111,7 @@ def test_every_cut_is_survived(tmp_path: Path) -> None:
         cut.write_bytes(data[:length])
         found, bag = entries(cut)
         assert found in ([], whole)
-        assert "torn" in bag.problems[0]
+        assert "truncated" in bag.problems[0]
 
 
 def test_a_damaged_chunk_is_left_out_and_told(tmp_path: Path) -> None:

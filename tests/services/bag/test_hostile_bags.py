@@ -105,9 +105,7 @@ def test_a_chunk_that_is_not_read_is_missed(tmp_path: Path) -> None:
     (tmp_path / "lost.mcap").write_bytes(data)
     bag = open_bag(tmp_path / "lost.mcap")
     assert list(bag.entries()) == []
-    assert bag.problems == [
-        f"{tmp_path / 'lost.mcap'} is damaged: its table of contents counts 25 messages, 0 can be read"
-    ]
+    assert bag.problems == [f"{tmp_path / 'lost.mcap'} is damaged: its summary counts 25 messages, 0 can be read"]
 
 
 def test_what_is_packed_to_burst_takes_no_more_than_it_claims(tmp_path: Path) -> None:
@@ -178,7 +176,8 @@ def test_topics_without_a_slash_are_played_and_exported(tmp_path: Path) -> None:
     two = [channel_of("/t", Twist, Quality.SENSOR), channel_of("/t", Time, Quality.SENSOR)]
     choice = select(two, PlayerParameters(bag="two"))
     assert choice.rejected == {
-        "/t": "it is played as geometry_msgs/Twist, and not as builtin_interfaces/Time besides: a topic has one type"
+        "/t": "it is played as geometry_msgs/Twist; its messages of type builtin_interfaces/Time are not: "
+        "a topic has one type"
     }
 
 
@@ -236,7 +235,7 @@ def test_what_metadata_names_and_is_missing_is_told(tmp_path: Path) -> None:
     (tmp_path / "bag" / "bag_2.mcap").unlink()
     told = bag_info(open_bag(tmp_path / "bag"))
     assert told.troubles == (
-        f"{tmp_path / 'bag' / 'bag_2.mcap'} is missing, though metadata.yaml names it: was the bag copied whole?",
+        f"{tmp_path / 'bag' / 'bag_2.mcap'} is missing, though metadata.yaml names it: was the bag copied completely?",
     )
     assert told.messages == 8
     for text, reason in (

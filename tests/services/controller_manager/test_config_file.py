@@ -89,7 +89,7 @@ def test_a_file_of_ros_1() -> None:
         "elbow": ("arm_controller", "c.yaml:11"),
     }
     assert config.joint_state_rate == 50.0
-    assert config.notes == ("c.yaml:20: stop_trajectory_duration is not known and ignored",)
+    assert config.notes == ("c.yaml:20: unknown key stop_trajectory_duration is ignored",)
 
 
 def test_the_namespace_on_top_may_be_missing_or_another() -> None:
@@ -98,11 +98,13 @@ def test_the_namespace_on_top_may_be_missing_or_another() -> None:
     assert [each.name for each in parsed(bare).controllers] == [each.name for each in parsed(ROS_1).controllers]
     other = parsed(ROS_1, "/tb3_0")
     assert len(other.controllers) == 3
-    assert other.notes[0] == "c.yaml: its namespace is /arm0, the robot's /tb3_0, which counts"
+    assert (
+        other.notes[0] == "c.yaml: the namespace /arm0 of its controllers is ignored: they run in the robot's, /tb3_0"
+    )
     assert other.hardware_gains
     two = ROS_1 + "arm1:\n  c: {type: position_controllers/JointPositionController, joint: elbow}\n"
     assert [each.name for each in parsed(two, "arm1").controllers] == ["c"]
-    with pytest.raises(BadInput, match=r"controllers of /arm0, /arm1, and none of the robot /arm2"):
+    with pytest.raises(BadInput, match=r"only controllers of /arm0, /arm1, none of the robot /arm2"):
         parsed(two, "arm2")
 
 
@@ -117,7 +119,7 @@ def test_a_file_of_ros_2() -> None:
     assert arm.trajectory.constraints == {"shoulder": Tolerance(goal=0.01)}
     assert (velocities.kind, velocities.interface, velocities.commanded) == ("group", "velocity", "velocity")
     assert states.kind == "state"
-    assert config.notes == ("c.yaml:9: drive is left out: the simulation drives the base by cmd_vel itself",)
+    assert config.notes == ("c.yaml:9: drive is skipped: the simulation drives the base by cmd_vel itself",)
 
 
 def test_mistakes_are_told_with_their_line() -> None:
@@ -168,15 +170,15 @@ def test_what_is_ignored_is_named() -> None:
         parsed(
             ROS_1.replace("goal_time: 0.6", "goal_time: 0.6").replace("state_publish_rate", "state_publsh_rate")
         ).notes[-1]
-        == "c.yaml:21: state_publsh_rate is not known and ignored; did you mean 'state_publish_rate'?"
+        == "c.yaml:21: unknown key state_publsh_rate is ignored; did you mean 'state_publish_rate'?"
     )
     gripper = ROS_2.replace("diff_drive_controller/DiffDriveController", "gripper/Controller")
     with pytest.raises(BadInput, match=r"c\.yaml:9: drive: unknown type .*; to leave it out, name those to run"):
         parsed(gripper)
     chosen = parse_config(Path("c.yaml"), gripper, "arm0", ("arm_controller",))
-    assert chosen.notes == ("c.yaml:9: drive is left out: there is no type gripper/Controller",)
+    assert chosen.notes == ("c.yaml:9: drive is skipped: unknown type gripper/Controller",)
     silent = parsed(ROS_1.replace("i_clamp: 5, i_clamp_max: 3", ""))
-    assert "c.yaml:9: i = 0.01 has no effect, as i_clamp bounds its share to 0" in silent.notes
+    assert "c.yaml:9: i = 0.01 has no effect, as i_clamp = 0 clamps the integral term to 0" in silent.notes
 
 
 def test_joints_are_those_of_the_robot() -> None:

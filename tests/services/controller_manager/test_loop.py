@@ -92,7 +92,7 @@ def test_a_goal_is_followed_told_of_and_reached(tmp_path: Path) -> None:
         assert feedback[-1].status.goal_id.id == "up"
         assert feedback[-1].feedback.actual.positions[1] == pytest.approx(-0.7, abs=0.05)
         stand.run(0.3)
-        assert results(stand) == [("up", Status.SUCCEEDED, TrajectoryError.SUCCESSFUL, "it is reached")]
+        assert results(stand) == [("up", Status.SUCCEEDED, TrajectoryError.SUCCESSFUL, "goal reached")]
         told = [[Status(goal.status) for goal in each.status_list] for each in stand.service.drain(STATUS)]
         changes = [each for n, each in enumerate(told) if n == 0 or each != told[n - 1]]
         assert changes == [[], [Status.ACTIVE], [Status.SUCCEEDED]]
@@ -107,7 +107,7 @@ def test_a_new_goal_preempts_a_cancellation_stops_and_bad_ones_are_rejected(tmp_
         send_goal(stand, "two", trajectory((2.0, {"elbow": 1.0})))
         stand.tick()
         assert results(stand) == [
-            ("one", Status.PREEMPTED, TrajectoryError.SUCCESSFUL, "a newer trajectory takes its place")
+            ("one", Status.PREEMPTED, TrajectoryError.SUCCESSFUL, "preempted by a newer trajectory")
         ]
         send_goal(stand, "bad", trajectory((2.0, {"elbw": 1.0})))
         send_goal(stand, "old", trajectory((0.1, {"elbow": 1.0}), stamp=0.2))
@@ -120,7 +120,7 @@ def test_a_new_goal_preempts_a_cancellation_stops_and_bad_ones_are_rejected(tmp_
         stand.service.publish(CANCEL, GoalID())
         stand.tick()
         where = stand.rig.position("elbow")
-        assert results(stand) == [("two", Status.PREEMPTED, TrajectoryError.SUCCESSFUL, "it was cancelled")]
+        assert results(stand) == [("two", Status.PREEMPTED, TrajectoryError.SUCCESSFUL, "cancelled on request")]
         stand.run(0.5)
         assert 0.05 < where < 0.3
         assert stand.rig.position("elbow") == pytest.approx(where, abs=0.02), "it holds where it was"
@@ -161,6 +161,21 @@ def test_a_goal_is_aborted_on_its_way_and_at_its_end(tmp_path: Path) -> None:
         assert [each[1:3] for each in results(stand)] == [(Status.REJECTED, TrajectoryError.INVALID_JOINTS)]
 
 
+def test_a_state_has_the_errors_of_its_own_desired_velocities_even_at_an_abort(tmp_path: Path) -> None:
+    """Otherwise the derivative gain acts for one tick on the velocity of the aborted trajectory."""
+    text = CONTROLLERS.replace("  allow_partial", "  state_publish_rate: 100\n  allow_partial")
+    with arm_stand(tmp_path, text) as stand:
+        stand.run(0.1)
+        send_goal(stand, "too fast", trajectory((0.2, {"shoulder": -1.5})))
+        stand.run(0.3)
+        assert [each[1] for each in results(stand)] == [Status.ABORTED]
+        states = stand.service.drain(topic("arm_controller/state", JointTrajectoryControllerState))
+        assert len(states) == 40
+        for each in states:
+            pairs = zip(each.desired.velocities, each.actual.velocities, strict=True)
+            assert each.error.velocities == tuple(desired - actual for desired, actual in pairs)
+
+
 def test_controllers_of_numbers_hold_turn_and_refuse(tmp_path: Path) -> None:
     names = ("gripper_controller", "group_controller", "waist_controller")
     with arm_stand(tmp_path, controllers=names) as stand:
@@ -186,7 +201,7 @@ def test_controllers_of_numbers_hold_turn_and_refuse(tmp_path: Path) -> None:
         stand.run(0.5)
         assert stand.rig.position("shoulder") == pytest.approx(-0.5, abs=1e-3)
         assert (
-            "group_controller: a command of 1 numbers is refused: it has 2 joints (shoulder, elbow)"
+            "group_controller: a command of 1 numbers is refused: the controller has 2 joints (shoulder, elbow)"
             in stand.service.log
         )
 
@@ -251,7 +266,7 @@ def test_without_the_joints_it_commands_none_and_begins_anew_with_them(tmp_path:
         stand.run(0.2)
         assert stand.command.targets == ()
         assert [each[1:] for each in results(stand)] == [
-            (Status.ABORTED, TrajectoryError.INVALID_GOAL, "the joints are not heard any more")
+            (Status.ABORTED, TrajectoryError.INVALID_GOAL, "no joint states are arriving any more")
         ]
 
 

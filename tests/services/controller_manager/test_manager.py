@@ -83,6 +83,13 @@ def test_controllers_are_switched_all_or_none() -> None:
     assert listed[0].claimed_interfaces == ()
 
 
+def test_a_controller_that_is_named_twice_is_started_once() -> None:
+    each, warnings = manager("gripper_controller")
+    switched(each, ("waist_controller", "waist_controller"))
+    assert each.running == ("gripper_controller", "waist_controller")
+    assert warnings == []
+
+
 def test_best_effort_leaves_out_what_cannot_be_done() -> None:
     each, warnings = manager()
     switched(each, ("effort_controller", "nobody", "waist_controller"), ("gripper_controller",), strict=1)

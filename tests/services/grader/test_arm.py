@@ -16,7 +16,7 @@ from deploy.report.record import RunFacts, report_schema
 from deploy.report.table import print_report
 from deploy.report.write import build_report, to_json, write_report
 from messages.control import JointControllerState
-from messages.elea import LockstepState
+from messages.elea import Health, InputHealth, LockstepState
 from messages.sensor import JointState
 from messages.std import Header, Time
 from services.grader import ArmSpec
@@ -147,6 +147,17 @@ def test_the_figures_of_an_arm() -> None:
     assert run.finished
     assert arm.time_s == pytest.approx(2.0), "a second after the last change"
     assert measured(played(saturation=200.0))[1].saturated_s == 0.0
+
+
+def test_lost_messages_of_a_controller_count_for_its_own_arm_and_once() -> None:
+    states = {"arm": "/robot_control/state", "left": "/left/control/state", "right": "/b/state", "free": ""}
+    arms = {name: ArmSpec(name=name, joint="j", state=state) for name, state in states.items()}
+    run = Measurement(tuple(arms), 0.05, arms=arms, namespaces={"right": "/"})
+    topics = {"/robot_control/error": 1, "/left/joint_states": 2, "/left/control/state": 4, "/b/state": 8, "/odd": 16}
+    inputs = tuple(InputHealth(topic=topic, lost=lost) for topic, lost in topics.items())
+    run.add_heartbeats([Health(node="/logger", pid=7, inputs=(*inputs, InputHealth(topic="/free/joints", lost=32)))])
+    robots = run.measurements("goals").robots
+    assert {name: robots[name].messages_lost for name in arms} == {"arm": 1, "left": 6, "right": 24, "free": 32}
 
 
 def test_an_arm_that_nobody_controls_has_no_figures_and_does_not_finish() -> None:

@@ -9,14 +9,29 @@ import numpy as np
 import pytest
 
 from deploy.report.write import read_measurements
+from messages.control import JointControllerState
 from messages.gazebo import WorldStates
 from messages.geometry import Point, Pose, Vector3
+from messages.parameters import Parameter, ParameterValues
+from messages.sensor import JointState
 from messages.std import Header, Time
-from messages.topics import BASE_STATUS, GROUND_TRUTH, ODOM, PLAN, STATUS, WORLD_MARKERS, WORLD_STATES, Topic
+from messages.topics import (
+    BASE_STATUS,
+    CONTROL_STATE,
+    GROUND_TRUTH,
+    JOINT_STATES,
+    ODOM,
+    PLAN,
+    STATUS,
+    UPDATES,
+    WORLD_MARKERS,
+    WORLD_STATES,
+    Topic,
+)
 from messages.visualization import Marker, MarkerArray
-from services.grader import SERVICE, GraderParameters, SizeSpec
+from services.grader import SERVICE, ArmSpec, GraderParameters, SizeSpec
 from services.grader.measurement import MessageKind
-from services.grader.records import RobotFigures
+from services.grader.records import ArmFigures, RobotFigures
 from services.runtime.testing import ServiceHarness, run_service
 from tests.services.grader.simulated_run import GradedEntry, measure_all, robot_messages
 
@@ -89,6 +104,25 @@ def test_the_clearance_from_bodies_that_stand_and_move_is_measured(
     nearest = trail[trail[:, 1].argmax()]
     assert figures.min_clearance_m == pytest.approx(1.0 - nearest[1] - 0.2, abs=1e-3)
     assert (figures.min_clearance_at_s, figures.min_clearance_to) == (pytest.approx(nearest[0]), "post")
+
+
+def test_a_controllers_largest_effort_stays_as_changed_after_a_reset_of_time(tmp_path: Path) -> None:
+    arm = ArmSpec(name="arm", joint="j", saturation=200.0)
+    with run_service(SERVICE, "/", GraderParameters(robots=("arm",), arms=(arm,), output=str(tmp_path))) as bench:
+        bench.set_time(0.0)
+        bench.publish(
+            UPDATES.of("/robot_control"), ParameterValues(values=(Parameter(name="saturation", value=100.0),))
+        )
+        bench.set_time(1.0)
+        bench.set_time(0.0, epoch=1)
+        for step in range(11):
+            header = Header(stamp=Time.of(step * 100_000_000))
+            bench.publish(JOINT_STATES.of("arm"), JointState(header=header, name=("j",), position=(0.0,)))
+            bench.publish(CONTROL_STATE, JointControllerState(header=header, command=100.0))
+        bench.set_time(3.0, epoch=1)
+    figures = read_measurements(tmp_path).robots["arm"]
+    assert isinstance(figures, ArmFigures)
+    assert (figures.samples, figures.saturated_s) == (11, pytest.approx(1.0))
 
 
 def test_stopped_before_the_end_it_leaves_what_it_has(tmp_path: Path, corner_messages: list[GradedEntry]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from messages.se2 import Pose2, Twist2
 from services.driving.guidance import stopping_speed
 from services.local_planner import LocalPlannerParameters
-from services.local_planner.avoidance import STILL, Velocity, choose_velocity, contact_distances, forward_limit
+from services.local_planner.avoidance import ZERO_VELOCITY, Velocity, choose_velocity, contact_distances, forward_limit
 from services.local_planner.controller import Detour, LocalPlanner
 from services.local_planner.tracking import NO_OBSTACLES, Obstacles
 
@@ -41,7 +41,7 @@ def test_only_what_is_ahead_limits_the_speed_and_a_wall_leaves_the_whole_distanc
 
 def test_a_free_robot_takes_what_it_wants_and_one_in_the_way_is_passed_on_the_right() -> None:
     wanted = Velocity(0.2, 0.0)
-    assert choose_velocity(wanted, STILL, STILL, HERE, NO_OBSTACLES, PARAMS) == wanted
+    assert choose_velocity(wanted, ZERO_VELOCITY, ZERO_VELOCITY, HERE, NO_OBSTACLES, PARAMS) == wanted
     chosen = choose_velocity(wanted, wanted, wanted, HERE, around((0.4, 0.0)), PARAMS)
     assert chosen.x > 0
     assert chosen.y < 0

@@ -29,7 +29,7 @@ from messages.std import Header, Time
 from services.logger.columns import RobotColumns, RowBuffer, Trail
 from services.logger.recording import FleetSeries
 from services.logger.reference_path import ReferencePath, distance_to_segments
-from services.logger.static_frames import transform_points
+from services.markers.footprint import transform_points
 from services.runtime.tf.buffer import TransformBuffer
 
 COORDINATE = st.floats(-100, 100)

@@ -84,8 +84,8 @@ def test_markers_of_all_kinds_are_drawn_and_deleted(tmp_path: Path) -> None:
     assert {f"/displays/drawn/a/{number}" for number in (*range(10), 11)} <= found
     assert "/displays/drawn/a/12" not in found
     assert warned == [
-        "/drawn is not drawn whole: the marker 'a' 12 of the type 8 has no points",
-        "/depth is not drawn whole: an image of the encoding '16UC1' is not shown "
+        "/drawn is not displayed completely: the marker 'a' 12 of the type 8 has no points",
+        "/depth is not displayed completely: images with encoding '16UC1' are not supported "
         "(known: rgb8, bgr8, mono8, rgba8, bgra8)",
     ]
     times, _ = columns(file, "/displays/drawn/a/4", "Clear:is_recursive")

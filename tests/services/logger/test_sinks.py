@@ -95,7 +95,7 @@ def test_a_file_that_is_cut_before_anything_moves_is_refused_instead_of_waited_f
     file = tmp_path / "run.rrd"
     with Recording(file, [("tb3_0", "burger")], EXTENT, pytest.fail):
         pass
-    with pytest.raises(BadInput, match="nothing at any time: its writer ended before the run began"):
+    with pytest.raises(BadInput, match="contains only static shapes: did its logger end before the run began"):
         repaired(file, tmp_path)
     file.write_bytes(file.read_bytes()[: file.stat().st_size * 4 // 5])
     with pytest.raises(BadInput, match=r"run\.rrd is cut off after \d+ bytes, before anything that moves"):

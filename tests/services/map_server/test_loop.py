@@ -44,7 +44,7 @@ def test_scaled_and_raw_maps_keep_what_is_between(tmp_path: Path) -> None:
 
 
 def test_bad_maps_are_refused_with_their_place(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"map=PATH of a map\.yaml"):
+    with pytest.raises(BadInput, match=r"map=PATH to a map\.yaml"):
         read_grid(MapServerParameters())
     bad = Path(write_map(tmp_path))
     bad.write_text(bad.read_text().replace("resolution: 0.5", "resolution: fine"))

@@ -83,7 +83,9 @@ def test_parts_of_one_name_are_one_body_and_ground_labels_and_what_is_deleted_ar
 
 def test_what_cannot_be_drawn_says_why(tmp_path: Path) -> None:
     for marker, why in (
-        (Marker(ns="fixed", text="lines", type=5), "'lines' has the type 5"),
+        (Marker(ns="fixed", text="lines", type=5), "'lines' has type 5"),
+        (Marker(ns="movable", text="strip", type=4), "'strip' has type 4"),
+        (Marker(id=7, type=0), "'_7' has type 0"),
         (Marker(ns="fixed", text="few", type=Marker.TRIANGLE_LIST, points=(Point(),) * 4), "4 points"),
         (
             Marker(ns="fixed", text="web", type=Marker.MESH_RESOURCE, mesh_resource="https://a.b/c.stl"),

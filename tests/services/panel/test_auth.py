@@ -137,7 +137,7 @@ def test_a_ticket_opens_the_page_once_and_the_token_is_not_in_it(
     late = one_time_url(address)
     assert desk.get(late[late.index("/?") :]).status == 401, "it counted for a while"
     assert desk.get(second[second.index("/?") :]).status == 303
-    with pytest.raises(OSError, match="refuses its own token"):
+    with pytest.raises(OSError, match="rejected its own token"):
         one_time_url(Address(port=desk.port, token="another", pid=0))
 
 

@@ -139,7 +139,7 @@ def test_a_token_that_no_longer_counts_changes_nothing_and_says_so(
     old = {"name": cookie["name"], "value": "a-token-of-an-earlier-run-0000000", "url": page.url.partition("#")[0]}
     context.add_cookies([old])  # type: ignore[list-item]
     page.evaluate("window.elea.link.socket.close()")
-    expect(page.locator("#trouble")).to_contain_text("The token of this page no longer counts")
+    expect(page.locator("#trouble")).to_contain_text("This page's token is no longer valid")
     page.click("#stop")
     expect(page.locator(".note.bad")).to_contain_text("not connected")
     nobody_is_stopped(fleet)

@@ -7,8 +7,7 @@ import pytest
 from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.std import Bool
-from messages.topics import BASE_STATUS, GROUND_TRUTH
-from services.panel.drive import CMD_VEL_STAMPED
+from messages.topics import BASE_STATUS, CMD_VEL_STAMPED, GROUND_TRUTH
 from services.panel.protocol import Drive, Estop, Release, Subscribe
 from tests.services.panel.hub_harness import HubHarness
 

@@ -151,7 +151,7 @@ def test_the_log_shows_what_was_said(fleet: PanelFleet, pages: PageOpener) -> No
     expect(page.locator(".lines")).to_contain_text("the page is on")
     fleet.node.log.warn("a word for the panel")
     expect(page.locator(".lines .line.warn")).to_contain_text(["a word for the panel"])
-    page.fill("input[placeholder='Filter: words or a node']", "word for")
+    page.fill("input[placeholder='Filter by text or node']", "word for")
     expect(page.locator(".lines .line")).to_have_count(1)
     page.select_option(".log select", "8")
     expect(page.locator(".lines .line")).to_have_count(0)

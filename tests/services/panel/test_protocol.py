@@ -54,7 +54,7 @@ def test_senseless_words_are_refused_with_a_reason_and_counted(desk: ServerHarne
             assert (error["k"], bool(error["reason"])) == ("error", True), text
             assert desk.board.pages[0].rejected == count
         page.send(b"\x00\xff")
-        assert "only text" in receive(page)["reason"]
+        assert "UTF-8 text" in receive(page)["reason"]
         assert desk.board.drain() == [], "none of it reached the loop"
         page.send('{"k":"subscribe","channels":["log"]}')
         page.send("?")
@@ -67,9 +67,9 @@ def test_text_that_is_not_utf8_is_refused_and_counted_as_any_other_bad_word(
 ) -> None:
     with desk.page_socket() as page:
         page.send(b'{"k":"estop","id":1,"on":true}\xff', text=True)
-        assert "only text is understood, in UTF-8" in receive(page)["reason"]
+        assert "messages must be UTF-8 text" in receive(page)["reason"]
         page.send(iter([b'{"k":"log', b"\xc3"]), text=True)  # in two frames, the last of which ends inside a character
-        assert "only text is understood, in UTF-8" in receive(page)["reason"]
+        assert "messages must be UTF-8 text" in receive(page)["reason"]
         assert desk.board.pages[0].rejected == 2
         page.send('{"k":"subscribe","fields":["/größe"]}'.encode(), text=True)
         assert "größe" in receive(page)["reason"], "a name that no topic has, in good UTF-8, is read"

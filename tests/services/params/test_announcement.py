@@ -28,7 +28,7 @@ def test_a_node_that_has_gone_has_no_say(at: ServerHarness) -> None:
         at.server.announce(arm_announcement(node="/other", parameters=new))
     at.alive.clear()
     assert value_dict(at.server.announce(arm_announcement(node="/other", parameters=new))) == {"ref_angle": 30.0}
-    assert "/arm has gone" in at.log.getvalue()
+    assert "/arm is gone" in at.log.getvalue()
 
 
 def test_who_leaves_is_followed_by_nobody_and_begins_anew_when_it_returns(at: ServerHarness) -> None:
@@ -90,7 +90,7 @@ def test_saved_values_under_a_changed_schema_are_migrated_or_left_out_and_it_is_
             assert "saved speed = 4.0 was dropped: speed = 4.0 is out of bounds: 0 to 2" in text
             assert "saved kind = 'b' was dropped: kind = 'b': expected one of a, c" in text
             assert "old_name = 3.0 is saved, but no running node has such a parameter" in text
-            assert "if it is called new_name now, set that" in text
+            assert "was it renamed to new_name? then set that" in text
             assert "saved count = 2.0 became 2: its type is int now" in text
         newest = at.history()[0]
         assert newest.kind == "migrated"

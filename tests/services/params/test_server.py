@@ -28,7 +28,7 @@ def test_the_latest_origin_wins(at: ServerHarness) -> None:
 def test_what_is_set_counts_at_once_even_where_the_command_line_has_a_word(at: ServerHarness) -> None:
     reply = at.set(tr_Kp=6)
     assert at.get()["tr_Kp"] == 6.0
-    assert "the command line says 5.0" in reply.note
+    assert "the command line gives 5.0" in reply.note
     at.server.new_run()
     assert at.get()["tr_Kp"] == 5.0
 

@@ -124,7 +124,7 @@ def test_beside_a_simulation_it_follows_its_time(network: Network, node: Node, b
     assert player.text.count("tester publishes /clock: the bag is played on its time") == 1
     assert len(drained(own)[0]) == sent, "no clock but the simulation's"
     refused = play(network, bag, "--lockstep", "/x")
-    assert (refused.status, "end the other one" in refused.err) == (2, True)
+    assert (refused.status, "replaces the simulation" in refused.err) == (2, True)
     node.unregister(out, odom, own)
 
 
@@ -155,7 +155,7 @@ def test_a_torn_bag_is_played_to_its_end_and_told(network: Network, node: Node, 
     (tmp_path / "torn.mcap").write_bytes(whole[:-100])
     command = node.subscribe(CMD_VEL, "/r/cmd_vel")
     ended = play(network, tmp_path / "torn.mcap")
-    assert (ended.status, "is torn" in ended.err) == (1, True)
+    assert (ended.status, "is truncated" in ended.err) == (1, True)
     assert drained(command)[0] == [Twist.planar(k / 100, 0.0) for k in range(11)]
     node.unregister(command)
 

@@ -140,10 +140,10 @@ def test_a_killed_recorder_has_lost_a_second_at_most(network: Network, node: Nod
     found = list(bag.entries())
     assert [each.sequence for each in found] == list(range(1, len(found) + 1))
     assert len(found) >= sum(1 for at in sent if at < killed - 1.1)
-    assert "torn" in bag.problems[0]
+    assert "truncated" in bag.problems[0]
     terminal = CommandLine(tmp_path)
     shown = terminal.run("bag", "info", str(tmp_path / "bag"))
-    assert (shown.status, "torn" in shown.err) == (1, True)
+    assert (shown.status, "truncated" in shown.err) == (1, True)
     mended = terminal.run("bag", "export", str(tmp_path / "bag"), "--to", "rosbag2", "-o", "mended")
     assert mended.status == 0, mended.err
     with AnyReader([tmp_path / "mended"]) as reader:
@@ -168,7 +168,7 @@ def test_a_full_disk_stops_nothing_and_is_told(tmp_path: Path) -> None:
         ]
         clock, odometry = node.subscribe(CLOCK), node.subscribe(ODOM, "/r/odom")
         with Process(command, tmp_path / "recorder.log") as recorder:
-            wait_until(lambda: "the disk does not take the recording" in recorder.text, 60, recorder.text)
+            wait_until(lambda: "the recording cannot be written" in recorder.text, 60, recorder.text)
             since = wait_until(lambda: (clock.update(), clock.messages)[1], 30)[-1][0].clock.ns
             wait_until(
                 lambda: (clock.update(), clock.messages and clock.messages[-1][0].clock.ns > since + 2 * 10**9)[1], 30

@@ -33,7 +33,7 @@ def test_what_the_joint_cannot_do_is_clipped_and_said() -> None:
     p = ReferenceParameters(ref_angle=120.0, lower=-45.0, upper=60.0)
     with run_service(SERVICE, "/arm", p) as bench:
         assert play(bench, 0.1) == [60.0] * 5
-        assert "step asks for 120.0 deg, clipped to the joint's -45 to 60 deg" in bench.log
+        assert "step is at 120.0 deg, clipped to the joint's range from -45 to 60 deg" in bench.log
 
 
 def test_what_cannot_be_followed_is_refused_at_once(tmp_path: Path) -> None:

@@ -35,12 +35,12 @@ def test_rows_in_any_of_the_usual_ways(tmp_path: Path, text: str) -> None:
         ("0,1,2\n", 1, "3 values, a row has two"),
         ("0,1\nsoon,2\n", 2, "'soon 2' is not two numbers"),
         ("time,5\n", 1, "'time 5' is not two numbers"),
-        ("0,1\n0,2\n", 2, "does not follow 0 s: times must grow"),
+        ("0,1\n0,2\n", 2, "is not after 0 s: times must increase"),
         ("-1,2\n", 1, "the time -1 s must be finite and at least 0"),
         ("nan,2\n", 1, "the time nan s must be finite"),
-        ("0,nan\n", 1, "the angle nan deg must lie within"),
-        ("0,inf\n", 1, "the angle inf deg must lie within"),
-        ("0,1e9\n", 1, "must lie within 360000 deg"),
+        ("0,nan\n", 1, "the angle nan deg must be within"),
+        ("0,inf\n", 1, "the angle inf deg must be within"),
+        ("0,1e9\n", 1, "must be within +-360000 deg"),
     ],
 )
 def test_a_bad_row_is_told_with_its_line(tmp_path: Path, text: str, line: int, reason: str) -> None:

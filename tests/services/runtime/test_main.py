@@ -16,7 +16,7 @@ from tests.harness.cases import case
 MISTAKES: dict[str, tuple[Any, dict[str, Any]]] = {
     "main needs the service's name and about": (print, {}),
     "main needs the service's about": (print, {"name": "a"}),
-    "main does not know 'rat'; did you mean 'rate'?": (print, {"name": "a", "about": "b", "rat": 25}),
+    "main has no argument 'rat'; did you mean 'rate'?": (print, {"name": "a", "about": "b", "rat": 25}),
     "main takes a Service or a loop run(ctx), not 'run'": ("run", {"name": "a", "about": "b"}),
 }
 

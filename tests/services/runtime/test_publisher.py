@@ -71,7 +71,7 @@ def test_commands_and_done_leave_before_the_rest_of_a_step() -> None:
         member.send_buffer.held, burst = [], member.send_buffer.held
         pacer.finish()
         assert peer.heard() == {"done": 1}, "Done is in no burst"
-        assert (peer.done.tick, sorted(peer.done.marks)) == (7, ["effort", "trail"])
+        assert (peer.done.tick, sorted(peer.done.sequence_numbers)) == (7, ["effort", "trail"])
         member.send_buffer.held = burst
         member.send_buffer.flush()
         assert peer.heard() == {"trail": 2}

@@ -41,7 +41,7 @@ def test_publishers_know_the_readers_that_have_announced_themselves() -> None:
         held[1].close()
         scans.close()
         assert follow() == (False, False)
-        reading = MemoryTransport(transport._bus).subscribe(odometry.key, 4)
+        reading = MemoryTransport(transport.bus).subscribe(odometry.key, 4)
         assert follow() == (True, False), "a reader without a token, by the network's own hint"
         reading.close()
         assert follow() == (False, False)

@@ -248,6 +248,11 @@ def test_a_service_without_a_rate_has_no_ticks(bus: MemoryBus) -> None:
         next(iter(Context(made, Parameters(), None).ticks()))
 
 
+def test_a_rate_of_zero_does_not_mean_the_declared_one(bus: MemoryBus) -> None:
+    with memory_node(bus, "a") as made, pytest.raises(BadInput, match="a rate of 0 Hz is out of range"):
+        next(iter(Context(made, Parameters(), 25).ticks(0)))
+
+
 def test_messages_are_answered_as_they_come(bus: MemoryBus) -> None:
     odom, seen = OdometryPublisher(bus), []
 
@@ -287,7 +292,7 @@ def test_a_second_clock_is_counted_and_not_followed_until_the_first_is_silent(
         assert [tick.reset for tick in ticks].count(True) <= 1
         (counts,) = [each for each in ctx.node.refusal_counters if each.refused]
         assert (counts.name, counts.refused) == ("pacing: /clock", 19)
-        assert counts.reason == "a publisher without a token publishes another time than /player"
+        assert counts.reason == "a publisher without a token publishes a different time from /player"
         with memory_node(bus, "sim") as sim:
             mine = sim.advertise(CLOCK)
             for number in range(20, 40):

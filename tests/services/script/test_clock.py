@@ -6,7 +6,7 @@ import pytest
 
 from services.script import clock as clock_module
 from services.script.clock import ScriptClock
-from services.script.script_time import BIRTH_NS, ScriptTime, datetime_module, time_module
+from services.script.script_time import START_TIME_NS, ScriptTime, datetime_module, time_module
 
 MS = 1_000_000
 
@@ -94,9 +94,10 @@ def test_the_script_s_modules_follow_simulation_time() -> None:
     kernel = Kernel()
     clock = ScriptTime(kernel, lambda: True, fixed=True)
     time, datetime = time_module(clock), datetime_module(clock)
-    assert time.time() == BIRTH_NS / 1e9 + 1.5
+    assert time.time() == START_TIME_NS / 1e9 + 1.5
     assert (time.monotonic(), time.perf_counter(), time.clock()) == (1.5, 1.5, 1.5)
     assert time.strftime("%Y", time.gmtime()) == "2020"
+    assert (time.asctime(), time.asctime(time.gmtime(0))) == (time.ctime(), "Thu Jan  1 00:00:00 1970")
     assert datetime.datetime.utcnow().isoformat() == "2020-01-01T00:00:01.500000"
     assert datetime.datetime.now() - datetime.datetime.now() == datetime.timedelta(0)
     assert datetime.date.today().year == datetime.datetime.today().year

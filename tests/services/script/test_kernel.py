@@ -40,6 +40,11 @@ def test_two_scripts_exchange_messages_and_calls() -> None:
             talker.call("/missing", "std_srvs/Empty", b"")
         server.close()
         assert talker.wait_until(lambda: talker.service_type("/add") is None, WITHIN_S)
+        with pytest.raises(ServiceUnavailable, match=r"unavailable$"):  # at once, not when its time is over
+            talker.call("/add", "rospy_tutorials/AddTwoInts", b"hi", timeout=1.0)
+        listener.serve("/add", "rospy_tutorials/AddTwoInts", lambda payload: payload + b"?")
+        assert talker.wait_until(lambda: talker.service_type("/add") is not None, WITHIN_S)
+        assert talker.call("/add", "rospy_tutorials/AddTwoInts", b"hi") == b"hi?"
         assert {"/talker", "/ns/listener"} <= set(talker.nodes())
 
 
@@ -71,12 +76,23 @@ def test_a_reader_counts_once_the_way_to_it_is_known() -> None:
         talker.start("/talker", "/", "script")
         for name in ("/plain", "/watched"):
             reader.declare_token(Entity(reader.session, "sub", "/reader", name, "std_msgs/String", "EVENT").key)
-        assert talker.wait_until(lambda: talker.ends("sub", "/watched") == ["/reader"], WITHIN_S)
+        assert talker.wait_until(lambda: talker.endpoint_nodes("sub", "/watched") == ["/reader"], WITHIN_S)
         assert (plain.subscribers(), watched.subscribers(), joined) == ([], [], [])
         for name in ("plain", "watched"):
             reader.subscribe(name, 4)
         assert talker.wait_until(lambda: joined == ["/reader"], WITHIN_S)
         assert (plain.subscribers(), watched.subscribers()) == (["/reader"], ["/reader"])
+
+
+def test_a_closed_publication_no_longer_follows_its_subscribers() -> None:
+    with memory_kernel() as kernel:
+        kernel.start("/talker", "/", "script")
+        old = kernel.advertise("/watched", "std_msgs/String", joined=lambda _: None)
+        new = kernel.advertise("/watched", "std_msgs/String", joined=lambda _: None)
+        old.close()
+        assert kernel.followers["/watched"].output is new
+        new.close()
+        assert not kernel.followers
 
 
 def test_a_program_is_asked_to_end_by_another(capfd: pytest.CaptureFixture[str]) -> None:
@@ -148,7 +164,7 @@ def test_a_name_of_another_type_is_refused_to_its_own_node() -> None:
     with memory_kernel() as kernel:
         kernel.start("/talker", "/", "script")
         kernel.advertise("/chatter", "std_msgs/String")
-        with pytest.raises(BadInput, match="carries std_msgs/String from this node already"):
+        with pytest.raises(BadInput, match="this node already publishes std_msgs/String on /chatter"):
             kernel.advertise("/chatter", "std_msgs/Int32")
         with pytest.raises(BadInput, match="is the node /talker already"):
             kernel.start("/other", "/", "script")

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import os
+import random
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
-from services.script.loader import ScriptLoader, loop_pass, python2_builtins
+from services.script.loader import ScriptLoader, loop_pass, pin_randomness, python2_builtins
 from services.script.workspace import workspace_of
 
 MISSING = {
     "moveit_commander": "`moveit_commander` is not part of Elea (import in main.py:2): motion planning",
     "simple_pid": "`simple_pid` is not installed (import in main.py:2): uv pip install --python",
-    "strange_msgs.msg": "the message package `strange_msgs` is not there (import in main.py:2)",
+    "strange_msgs.msg": "the message package `strange_msgs` was not found (import in main.py:2)",
+    "rviz": "`rviz` is not part of Elea (import in main.py:2): there is no rviz; ./elea view shows",
     "nowhere_to_be_found": "`nowhere_to_be_found` is not part of Elea, nor in the script's folder or workspace",
-    "strange.cfg": "the package `strange`, whose .cfg this is, is not there (import in main.py:2)",
+    "strange.cfg": "the package `strange` of this .cfg was not found (import in main.py:2)",
     "json.nothing": "`json` has no module `nothing`",
     "mypkg.lost": "package `mypkg` ",
 }
@@ -118,3 +122,21 @@ def test_a_hundred_passes_make_one_point() -> None:
     for _ in range(250):
         passed()
     assert points == [1.0, 1.0]
+
+
+def test_random_numbers_depend_on_the_seed_and_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "urandom", os.urandom)
+    monkeypatch.setattr(random, "_urandom", os.urandom)
+    own, numpy_s = random.getstate(), np.random.get_state()
+
+    def drawn(seed: int, node: str) -> tuple[float, float, bytes]:
+        pin_randomness(seed, node)("numpy")
+        return random.random(), float(np.random.random()), os.urandom(4)
+
+    try:
+        runs = [drawn(seed, node) for seed, node in ((0, "/a"), (1, "/a"), (0, "/b"))]
+        assert runs[0] == drawn(0, "/a")
+        assert [len(set(each)) for each in zip(*runs, strict=True)] == [3, 3, 3]
+    finally:
+        random.setstate(own)
+        np.random.set_state(numpy_s)

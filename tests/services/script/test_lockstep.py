@@ -252,6 +252,29 @@ def test_threads_and_queues_of_a_script_take_turns() -> None:
     assert any(line.startswith("notified at") for line in first)
 
 
+def test_threads_of_a_script_meet_at_a_barrier_and_start_once() -> None:
+    def body(kernel: ScriptKernel, written: list[str]) -> None:
+        assert kernel.turns is not None
+        threading = threading_module(kernel.turns)
+        barrier = threading.Barrier(3)
+
+        def meet(pause: int) -> None:
+            kernel.sleep_until(kernel.now() + pause * MS)
+            barrier.wait()
+            written.append(f"met at {kernel.now() // MS}")
+
+        threads = [threading.Thread(target=meet, args=(pause,)) for pause in (10, 30)]
+        for each in threads:
+            each.start()
+        with pytest.raises(RuntimeError, match="threads can only be started once"):
+            threads[0].start()
+        barrier.wait()
+        for each in threads:
+            each.join()
+
+    assert run_scripts({"body": body}, 30)["body"] == ["met at 30"] * 2
+
+
 def test_threads_of_the_module_thread_take_turns() -> None:
     def body(kernel: ScriptKernel, written: list[str]) -> None:
         assert kernel.turns is not None

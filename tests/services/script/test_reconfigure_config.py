@@ -182,12 +182,12 @@ def test_what_is_wrong_is_said_with_file_and_line(tmp_path: Path) -> None:
         (head + "gen.add('x', int_t, 0, 'x')\ngen.add('x', int_t, 0, 'x')", r"bad.cfg:4: .*added twice"),
         (head + "gen.enum([], 'none')", r"bad.cfg:3: .*different types, or there are none"),
         (head + "gen.const('A', int_t, 1, \"it's\")", r"bad.cfg:3: .*quotes"),
-        (head + "import no_such_thing", r"bad.cfg:3: it imports no_such_thing, which is not here"),
+        (head + "import no_such_thing", r"bad.cfg:3: it imports no_such_thing, which was not found"),
         (head + "exit(1)", r"bad.cfg:3: it ends with exit\(1\)|bad.cfg: it ends with exit\(1\)"),
-        (head + "gen.add('x', int_t, 0, 'x')", r"bad.cfg: .*never calls generate"),
+        (head + "gen.add('x', int_t, 0, 'x')", r"bad.cfg: .*generate\(\) is never called"),
         (head + "def (", r"bad.cfg:3: "),
         (head + "1 / 0", r"bad.cfg:3: ZeroDivisionError"),
-        ("#" * (1 << 20) + "\n", r"bad.cfg: more than 1048576 bytes"),
+        ("#" * (1 << 20) + "\n", r"bad.cfg: it is larger than 1048576 bytes"),
     ):
         with pytest.raises(BadInput, match=reason):
             config_module(write(tmp_path, text, "bad.cfg"))

@@ -23,6 +23,10 @@ CONVERTED = {
         "x = 3.0\nn = 7\nprint 1/2, -7/2, (1+2)/2, 1/2.0, x/2, [4, 5][n/4]\nn /= 2\nprint n",
         "0 -4 1 0.5 1.5 5\n3\n",
     ),
+    "division of an attribute": (
+        "class C: pass\nc = C()\nc.n = 7\nc.n /= 2\nc.x = 7.0\nc.x /= 2\nprint c.n, c.x",
+        "3 3.5\n",
+    ),
     "tabs": ("for i in range(2):\n\tif i:\n        \tprint 'in', i\n", "in 1\n"),
     "late globals": (
         "n = 1\nglobal n\ndef f():\n    'doc'\n    n = 5\n    global n\n    print f.__doc__\nf()\nprint n",

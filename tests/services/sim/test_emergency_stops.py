@@ -59,7 +59,7 @@ def test_stops_add_up_and_each_holder_resets_its_own() -> None:
     desk.say("/panel", False, robot=ALL_ROBOTS)
     assert desk.stops.holders("a") == ()
     assert desk.stops.all == ()
-    assert "in memory alone" in desk.log
+    assert "in memory only" in desk.log
 
 
 def test_a_stop_that_is_reset_at_once_was_a_stop() -> None:
@@ -82,7 +82,7 @@ def test_a_restart_keeps_them_and_the_holder_by_its_name(tmp_path: Path) -> None
 
     second = StopHarness(path, ())
     assert second.stops.all == first.stops.all
-    assert "emergency stops from before the restart still hold: a, all robots" in second.log
+    assert "emergency stops from before the restart are still active: a, all robots" in second.log
     second.say("/panel", False, session="restarted as well")
     second.stops.release(ALL_ROBOTS)
     second.stops.save()
@@ -113,17 +113,17 @@ def test_a_robot_is_not_stopped_by_what_a_deleted_one_of_its_name_had_heard() ->
 
 def test_release_names_what_there_is() -> None:
     desk = StopHarness()
-    with pytest.raises(BadInput, match=r"no emergency stop of a to release \(stops that hold: none\)"):
+    with pytest.raises(BadInput, match=r"no emergency stop of a to release \(active stops: none\)"):
         desk.stops.release("a")
     desk.say("/panel", True)
     desk.say("/tool", True)
-    with pytest.raises(BadInput, match=r"no emergency stop of all robots to release \(stops that hold: a\)"):
+    with pytest.raises(BadInput, match=r"no emergency stop of all robots to release \(active stops: a\)"):
         desk.stops.release(ALL_ROBOTS)
     with pytest.raises(BadInput, match=r"a: unknown holder '/pane'; did you mean '/panel'\? \(known: /panel, /tool\)"):
         desk.stops.release("a", "/pane")
-    assert desk.stops.release("a", "/panel") == "a: the stop of /panel is released; stopped still by /tool"
+    assert desk.stops.release("a", "/panel") == "a: the stop of /panel is released; still stopped by /tool"
     desk.say("/panel", True, robot=ALL_ROBOTS)
-    assert desk.stops.release("a", desk.stops.all[0].id).endswith("stopped still by /panel")
+    assert desk.stops.release("a", desk.stops.all[0].id).endswith("still stopped by /panel")
     assert desk.stops.release(ALL_ROBOTS) == "all robots: the stop of /panel is released"
 
 
@@ -161,7 +161,7 @@ def test_on_a_full_disk_stops_hold_and_are_written_later(tmp_path: Path) -> None
         desk.say("/tool", True)
         assert desk.stops.holders("a") == ("/panel", "/tool")
         assert path.read_bytes() == before
-        assert "they hold, but a simulation that is restarted now may forget them" in desk.log
+        assert "they stay active, but would be lost if the simulation restarted now" in desk.log
         desk.now = 1.5
         desk.stops.save()
         assert list(tmp_path.iterdir()) == [path], "nothing half is left"

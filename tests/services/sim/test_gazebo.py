@@ -104,7 +104,7 @@ def test_models_are_seen_and_moved_in_the_axes_of_a_frame() -> None:
                     SET_LINK_STATE,
                     gz.SetLinkState(link_state=gz.LinkState(link_name="tb3::wheel_left_link")),
                 ),
-                "base_footprint alone can be moved",
+                "only the root link base_footprint of tb3 can be moved",
             ),
         ):
             assert not answer.success
@@ -118,7 +118,7 @@ def test_the_topics_move_models_and_the_newest_command_counts() -> None:
         on.publish(SET_MODEL_STATE_TOPIC, gz.ModelState(model_name="nobody"), robot="")
         on.run(0.02)
         assert place(on, "tb3")[0] == pytest.approx(2.0, abs=1e-3)
-        assert "a command to move a model is not carried out: unknown model 'nobody'" in on.log
+        assert "a command to move a model is rejected: unknown model 'nobody'" in on.log
         on.publish(SET_LINK_STATE_TOPIC, gz.LinkState(link_name="tb3", pose=at(0.0, 1.0)), robot="")
         on.run(0.02)
         assert place(on, "tb3")[1] == pytest.approx(1.0, abs=1e-3)
@@ -172,6 +172,16 @@ def test_in_real_time_a_pushed_joint_is_seen_after_a_step() -> None:
             assert not waits.done()
             on.run(0.005)
             assert abs(waits.result(20.0).rate[0] - before) > 1e-3
+        on.call(APPLY_JOINT_EFFORT, gz.ApplyJointEffort(joint_name="arm/bear_link", effort=50.0))
+        unknown = on.call(GET_JOINT_PROPERTIES, gz.GetJointProperties(joint_name="nobody"))
+        assert not unknown.success, "it is answered before the step"
+        with ThreadPoolExecutor(1) as pool:
+            wrong = gz.GetJointProperties(joint_name="arm::nobody")
+            waits = pool.submit(call, MemoryTransport(on.bus), GET_JOINT_PROPERTIES, key, wrong, 20.0)
+            wait_until(lambda: any(each.waiting for each in on.node.request_handlers))
+            on.node.spin_once()
+            on.run(0.005)
+            assert "arm: unknown joint 'nobody'" in waits.result(20.0).status_message
         on.call(APPLY_JOINT_EFFORT, gz.ApplyJointEffort(joint_name="bear_link", effort=50.0))
         on.call(PAUSE_PHYSICS, EmptyService())
         assert on.call(GET_JOINT_PROPERTIES, asked).success
@@ -212,7 +222,7 @@ def test_boxes_come_fall_are_pushed_and_go() -> None:
         assert on.call(DELETE_MODEL, gz.DeleteModel(model_name="free")).success
         assert not on.call(DELETE_MODEL, gz.DeleteModel(model_name="free")).success
         stays = on.call(DELETE_MODEL, gz.DeleteModel(model_name="ground_plane"))
-        assert "a part of the world" in stays.status_message
+        assert "part of the world and cannot be deleted" in stays.status_message
         assert spawn("free", initial_pose=at(2.0, 0.0, 0.3)).success
 
 
@@ -222,7 +232,7 @@ def test_robots_come_by_the_text_of_their_description() -> None:
         text = '<?xml version="1.0"?><robot name="turtlebot3_burger" xmlns:xacro="http://ros.org/wiki/xacro"/>'
         made = on.call(SPAWN_URDF_MODEL, gz.SpawnModel(model_name="tb3", model_xml=text))
         assert made.success, made.status_message
-        assert "Elea's own burger" in made.status_message
+        assert "Elea's own model burger" in made.status_message
         assert on.simulation.find("tb3").namespace == "/"
         assert on.simulation.find("tb3").entry.parameters.odometry == "world"
         second = gz.SpawnModel(model_name="two", model_xml=text, initial_pose=at(1.0, 0.0))
@@ -243,7 +253,7 @@ def test_robots_come_by_the_text_of_their_description() -> None:
         on.run(0.6)
         assert place(on, "ball")[2] == pytest.approx(0.1, abs=2e-3)
         for name, xml, reason in (
-            ("", ball, "needs a model_name"),
+            ("", ball, "model_name is empty"),
             ("x", "", "model_xml is empty"),
             ("x", "<robot name='x'><link", "line 1|not XML|:1:"),
             ("x", "<sdf version='1.6'><model name='m'/></sdf>", "no links"),
@@ -277,7 +287,7 @@ def test_an_sdf_names_no_file_outside_the_folders(tmp_path: Path) -> None:
         asked = gz.SpawnModel(model_name="m", model_xml=text.format(mine / "box.stl"), initial_pose=at(2.0, 0.0, 1.0))
         made = on.call(SPAWN_SDF_MODEL, asked)
         assert made.success, made.status_message
-        assert "m: of its SDF: " in on.log
+        assert "m: notes on its SDF: " in on.log
         assert "<wheel>" in on.log
 
 
@@ -318,8 +328,8 @@ def test_time_and_physics() -> None:
         )
         assert on.call(SET_PHYSICS_PROPERTIES, same).success
         for wanted, text in (
-            (gz.SetPhysicsProperties(time_step=0.001), "time_step stays 0.005 s"),
-            (gz.SetPhysicsProperties(gravity=Vector3(z=-1.6)), "gravity stays"),
+            (gz.SetPhysicsProperties(time_step=0.001), "time_step is fixed at 0.005 s"),
+            (gz.SetPhysicsProperties(gravity=Vector3(z=-1.6)), "gravity is fixed at"),
             (gz.SetPhysicsProperties(gravity=Vector3(z=-9.81), max_update_rate=7.0), "param set /sim factor"),
         ):
             refused = on.call(SET_PHYSICS_PROPERTIES, wanted)

@@ -20,12 +20,14 @@ from services.runtime.node import Node
 from services.runtime.step import STEP_NS
 from services.runtime.transport.api import PendingReplies, idle_subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.sim import time_modes
 from services.sim.engines import default_engine, open_world
 from services.sim.loop import SimulationLoop
 from services.sim.physics.world import World
+from services.sim.robot_topics import CONTROL_STEPS
 from services.sim.services import SimulationServices
-from services.sim.simulation import CONTROL_STEPS, Simulation
-from services.sim.time_modes import Lockstep
+from services.sim.simulation import Simulation
+from services.sim.time_modes import MAX_SLEEP_S, Lockstep, RealTime
 from tests.harness.memory_node import memory_node
 from tests.harness.waiting import wait_until
 
@@ -51,8 +53,8 @@ class LockstepHarness:
             self._loop.begin()
             while True:
                 self._loop.process_requests()
-                if self._loop.standing:
-                    self._loop.stand()
+                if self._loop.time_stopped:
+                    self._loop.update_while_stopped()
                     self.node.wait(rest)
                 else:
                     self._loop.tick()
@@ -85,7 +87,7 @@ class LockstepHarness:
     def begin_steps(self, count: int) -> PendingReplies:
         """Request steps, which wait for the member; assert that another request is rejected meanwhile."""
         stepped = self.ask(STEP, Steps(count=count))
-        assert refusal(self.ask(STEP, Steps(count=1))) == "a step is under way already"
+        assert refusal(self.ask(STEP, Steps(count=1))) == "another step request is still in progress"
         assert stepped.poll() is None
         return stepped
 
@@ -184,3 +186,38 @@ def test_steps_that_are_under_way_at_the_end_are_refused() -> None:
         reply(at.ask(PAUSE))
         stepped = at.begin_steps(1000)
     assert refusal(stepped) == "the process ended before this was done"
+
+
+class SleepingClock:
+    """Wall time that only passes in sleeps; in place of the module ``time``."""
+
+    def __init__(self) -> None:
+        self.sleeps: list[float] = []
+
+    def sleep(self, seconds: float) -> None:
+        self.sleeps.append(seconds)
+
+    def monotonic(self) -> float:
+        return sum(self.sleeps)
+
+
+def test_a_tick_at_a_tiny_factor_waits_in_pieces_and_ends_early_at_a_larger_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = SleepingClock()
+    monkeypatch.setattr(time_modes, "time", clock)
+    with (
+        open_world(default_engine(), WorldDescription(), STEP_NS) as world,
+        memory_node(MemoryBus(), "sim") as node,
+    ):
+        simulation = Simulation(node, world, 0)
+        real = RealTime(simulation, node, 1e-6)
+        loop = SimulationLoop(simulation, real, node)
+        assert all(loop.tick() for _ in range(CONTROL_STEPS))
+        for _ in range(3):
+            loop.process_requests()
+            assert not loop.tick(), "the loop serves requests and heartbeats"
+        assert clock.sleeps == [MAX_SLEEP_S] * 3
+        real.set_factor(1.0)
+        assert loop.tick()
+        assert simulation.tick == CONTROL_STEPS + 1

@@ -131,7 +131,7 @@ def test_wheels_without_a_tag_are_found_by_their_shapes(tmp_path: Path, check: C
     assert found.base is not None
     assert (found.base.left_joints, found.base.right_joints) == (("left_wheel_joint",), ("right_wheel_joint",))
     assert found.base.separation == pytest.approx(0.3)
-    assert "no tag names a drive" in found.notes[-1]
+    assert "no tag defines a drive" in found.notes[-1]
     assert found.ok, found
 
 
@@ -165,7 +165,7 @@ DOWN = '<axis xyz="0 0 -1"/>'
 
 def test_wheels_in_mirror_image_turn_opposite_ways_to_drive_ahead(tmp_path: Path, check: Checker) -> None:
     found = check_model(str(write(tmp_path / "mirrored.urdf", wheeled("fixed"))), tmp_path)
-    assert "these turn backwards to drive ahead, as their axes say: right_joint" in found.notes
+    assert "wheels with reversed axes, which turn backwards to drive forwards: right_joint" in found.notes
     assert found.ok, found
     assert max(map(abs, errors(found))) < 2e-3
     straight, turn = found.trials
@@ -200,7 +200,9 @@ def test_wheels_on_springs_drive(tmp_path: Path, check: Checker) -> None:
     found = check_model(str(write(tmp_path / "sprung.urdf", wheeled("prismatic"))), tmp_path)
     assert found.base is not None
     assert (found.base.left_joints, found.base.right_joints) == (("left_joint",), ("right_joint",))
-    assert found.notes[-1] == "suspensions of wheels, which are fixed since no spring acts here: left_drop, right_drop"
+    assert (
+        found.notes[-1] == "wheel suspensions, which are fixed since springs are not simulated: left_drop, right_drop"
+    )
     assert [each.name for each in found.joints] == ["left_joint", "right_joint"], "the drops are fixed for everybody"
     assert found.ok, found
     assert max(map(abs, errors(found))) < 2e-3

@@ -57,7 +57,7 @@ def test_a_sliding_joint_goes_along_its_axis_and_a_turning_one_about_it() -> Non
             robot_urdf(joint_urdf("j", "revolute", "a", "b", '<limit lower="nan" upper="1"/>')),
             "lower='nan' is not a number",
         ),
-        (robot_urdf(joint_urdf("j", "hinge", "a", "b")), "'hinge'; there are revolute"),
+        (robot_urdf(joint_urdf("j", "hinge", "a", "b")), "unknown type 'hinge'"),
         (robot_urdf(joint_urdf("", "fixed", "a", "b")), "has no name"),
         (robot_urdf(joint_urdf("j", "fixed", "a", "b").replace('<child link="b"/>', "")), "no <child"),
         (robot_urdf(joint_urdf("j", "fixed", "a", "b")).replace('<link name="b"/>', ""), "there is no link 'b'"),
@@ -76,7 +76,7 @@ def test_a_sliding_joint_goes_along_its_axis_and_a_turning_one_about_it() -> Non
             "'c' has two parents, 'a' and 'b'",
         ),
         (robot_urdf(joint_urdf("j", "fixed", "a", "b"), joint_urdf("k", "fixed", "b", "a")), "in a loop"),
-        (robot_urdf(joint_urdf("j", "fixed", "a", "b"), links="c"), "'a', 'c' hang on nothing"),
+        (robot_urdf(joint_urdf("j", "fixed", "a", "b"), links="c"), "'a', 'c' have no parent"),
         (robot_urdf(joint_urdf("j", "continuous", "a", "b", "<mimic/>")), "names no joint"),
         (
             robot_urdf(joint_urdf("j", "continuous", "a", "b", '<limit effort="strong"/>')),
@@ -121,13 +121,13 @@ def test_what_ros_takes_is_taken_and_what_does_nothing_is_told() -> None:
         robot_urdf(fixed, joint_urdf("k", "fixed", "b", "c", '<mimic joint="j" multiplier="1" offset="0"/>'))
     )
     assert [each.mimic for each in described.joints] == [None, None]
-    assert described.warnings == ("joint 'k' is fixed and mimics 'j': it stays as it is",)
+    assert described.warnings == ("joint 'k' is fixed and mimics 'j': its <mimic> is ignored",)
     for followed, what in (("j", "is fixed"), ("nobody", "does not exist")):
         described = parse_urdf(
             robot_urdf(fixed, joint_urdf("k", "continuous", "b", "c", f'<mimic joint="{followed}"/>'))
         )
         assert described.joints[1].mimic is None
-        assert described.warnings == (f"joint 'k' mimics {followed!r}, which {what}: it follows nothing",)
+        assert described.warnings == (f"joint 'k' mimics {followed!r}, which {what}: its <mimic> is ignored",)
     for low, high in (("-1e16", "1e16"), ("-inf", "inf")):
         free = parse_urdf(
             robot_urdf(joint_urdf("j", "revolute", "a", "b", f'<limit lower="{low}" upper="{high}"/>'))

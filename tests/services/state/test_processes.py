@@ -88,7 +88,7 @@ def test_bad_messages_are_refused_and_counted_and_the_service_goes_on(scene: TfH
         describe.publish(String(data="<sdf/>"))
         wait_until(lambda: "root is <sdf>, not <robot>" in process.text, 20.0, "a refusal")
         describe.publish(String(data=robot_urdf(joint_urdf("j", "continuous", "base", "arm"))))
-        wait_until(lambda: "test with 0 fixed joints and 1 that move" in process.text, 20.0, "the robot")
+        wait_until(lambda: "test with 0 fixed and 1 moving joints" in process.text, 20.0, "the robot")
 
         # Our own record rejects this on creation; a foreign sender may send it.
         foreign = scene.node.transport.advertise("odd/joint_states", encoding(JointState.ROS_TYPE), Quality.SENSOR)

@@ -29,8 +29,8 @@ def test_angles_and_quaternions_are_the_same_and_nonsense_is_refused() -> None:
     for params, why in (
         ({}, "both frames need a name"),
         ({"frame_id": "a", "child_frame_id": "/a"}, "a frame is not its own parent"),
-        ({**names, "quaternion": (0.0, 0.0, 1.0)}, "of the length 1, not 3 of 1.000"),
-        ({**names, "quaternion": (0.0, 0.0, 0.0, 0.5)}, "not 4 of 0.500"),
+        ({**names, "quaternion": (0.0, 0.0, 1.0)}, "norm 1, and has 3 with norm 1.000"),
+        ({**names, "quaternion": (0.0, 0.0, 0.0, 0.5)}, "has 4 with norm 0.500"),
         ({**names, "quaternion": given, "yaw": 1.0}, "both a quaternion and angles are given"),
     ):
         with pytest.raises(BadInput, match=why):

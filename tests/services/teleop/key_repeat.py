@@ -23,11 +23,11 @@ def key_repeat(
     return times
 
 
-def timeouts(man: HoldDetector, times: Sequence[float], key: str = "i") -> tuple[HoldDetector, list[float]]:
+def timeouts(detector: HoldDetector, times: Sequence[float], key: str = "i") -> tuple[HoldDetector, list[float]]:
     """Return the detector after these events, and the times within the hold at which it had released."""
     let_go = []
     for index, at in enumerate(times):
-        if index and not man.is_held(at):
-            let_go.append(man.held_until)
-        man = pressed(man, key, at)
-    return man, let_go
+        if index and not detector.is_held(at):
+            let_go.append(detector.held_until)
+        detector = pressed(detector, key, at)
+    return detector, let_go

@@ -14,11 +14,11 @@ P = TeleopParameters(speed=0.4, turn=0.8)
 
 def typed(keys: str, p: TeleopParameters = P, pause: float = 0.2) -> tuple[KeyState, float]:
     """Return the key state after taps, and the time of the last one [s]."""
-    hand, now = KeyState.initial(p), 0.0
+    state, now = KeyState.initial(p), 0.0
     for key in keys:
         now += pause
-        hand = on_key(hand, KeyEvent(key, now), p)
-    return hand, now
+        state = on_key(state, KeyEvent(key, now), p)
+    return state, now
 
 
 @pytest.mark.parametrize(
@@ -45,15 +45,15 @@ def typed(keys: str, p: TeleopParameters = P, pause: float = 0.2) -> tuple[KeySt
     ],
 )
 def test_a_key_moves(key: str, motion: tuple[float, ...]) -> None:
-    hand, now = typed(key)
-    assert hand.command(now) == Velocity(*motion)
+    state, now = typed(key)
+    assert state.command(now) == Velocity(*motion)
 
 
 def test_other_parameters_count_for_the_hand_that_is_there() -> None:
-    hand, now = typed("qi")
-    assert hand.speed == pytest.approx(0.44)
+    state, now = typed("qi")
+    assert state.speed == pytest.approx(0.44)
     p = TeleopParameters(speed=0.4, turn=0.5, speed_limit=0.42)
-    after = reconfigured(hand, P, p)
+    after = reconfigured(state, P, p)
     assert (after.speed, after.turn) == (0.42, 0.5)
     assert after.command(now) == Velocity(0.42)
     slow = reconfigured(after, p, TeleopParameters(speed=0.1, turn=0.5, key_timeout=2.0))
@@ -63,8 +63,8 @@ def test_other_parameters_count_for_the_hand_that_is_there() -> None:
 
 def test_no_other_key_moves() -> None:
     for code in range(0x20, 0x7F):
-        hand, now = typed(chr(code))
-        assert (hand.command(now) is not None) == (chr(code) in MOVES)
+        state, now = typed(chr(code))
+        assert (state.command(now) is not None) == (chr(code) in MOVES)
 
 
 @pytest.mark.parametrize(
@@ -79,69 +79,69 @@ def test_no_other_key_moves() -> None:
     ],
 )
 def test_a_key_scales_by_ten_per_cent(key: str, speed: float, turn: float) -> None:
-    hand, now = typed(key)
-    assert (hand.speed, hand.turn) == pytest.approx((speed, turn))
-    assert hand.command(now) is None
+    state, now = typed(key)
+    assert (state.speed, state.turn) == pytest.approx((speed, turn))
+    assert state.command(now) is None
 
 
 def test_scaling_changes_a_motion_under_way_and_counts_as_the_held_key() -> None:
-    hand, now = typed("iq")
-    assert hand.command(now) == pytest.approx((0.44, 0, 0, 0))
-    assert hand.command(now + 0.6) is not None
-    assert hand.command(now + 0.61) is None
+    state, now = typed("iq")
+    assert state.command(now) == pytest.approx((0.44, 0, 0, 0))
+    assert state.command(now + 0.6) is not None
+    assert state.command(now + 0.61) is None
 
 
 def test_scaling_sets_nothing_in_motion_again() -> None:
-    hand, now = typed("i")
-    hand = on_key(hand, KeyEvent("q", now + 0.7), P)
-    assert hand.command(now + 0.7) is None
+    state, now = typed("i")
+    state = on_key(state, KeyEvent("q", now + 0.7), P)
+    assert state.command(now + 0.7) is None
 
 
 def test_scaling_ends_at_the_limits() -> None:
     p = TeleopParameters(speed=0.4, turn=0.8, speed_limit=0.5, turn_limit=1.0)
-    hand, _ = typed("q" * 9, p)
-    assert (hand.speed, hand.turn) == (0.5, 1.0)
-    hand, _ = typed("z" * 200, p)
-    assert (hand.speed, hand.turn) == (MIN_SPEED, MIN_SPEED)
+    state, _ = typed("q" * 9, p)
+    assert (state.speed, state.turn) == (0.5, 1.0)
+    state, _ = typed("z" * 200, p)
+    assert (state.speed, state.turn) == (MIN_SPEED, MIN_SPEED)
 
 
 def test_the_speeds_at_the_start_keep_to_the_limits() -> None:
-    hand = KeyState.initial(TeleopParameters(speed=3.0, turn=3.0, speed_limit=0.2, turn_limit=0.3))
-    assert (hand.speed, hand.turn) == (0.2, 0.3)
+    state = KeyState.initial(TeleopParameters(speed=3.0, turn=3.0, speed_limit=0.2, turn_limit=0.3))
+    assert (state.speed, state.turn) == (0.2, 0.3)
 
 
 @pytest.mark.parametrize("key", ["k", " ", "K", "5", "other", "\x1a"])
 def test_any_other_key_stops(key: str) -> None:
-    hand, now = typed("i")
+    state, now = typed("i")
     press = KeyEvent(key, now + 0.1)
     assert is_stop(press)
-    assert on_key(hand, press, P).command(now + 0.1) is None
+    assert on_key(state, press, P).command(now + 0.1) is None
 
 
 def test_of_two_keys_the_later_one_counts() -> None:
-    hand, now = typed("il")
-    assert hand.command(now) == Velocity(0, 0, 0, -0.8)
-    hand = on_key(hand, KeyEvent("i", now + 0.03), P)
-    assert hand.command(now + 0.03) == Velocity(0.4, 0, 0, 0)
+    state, now = typed("il")
+    assert state.command(now) == Velocity(0, 0, 0, -0.8)
+    state = on_key(state, KeyEvent("i", now + 0.03), P)
+    assert state.command(now + 0.03) == Velocity(0.4, 0, 0, 0)
 
 
 def test_where_it_is_told_that_a_key_went_up_its_motion_ends_at_once() -> None:
-    hand, now = typed("il")
+    state, now = typed("il")
     up = KeyEvent("i", now + 0.01, released=True)
-    assert on_key(hand, up, P).command(now + 0.01) == Velocity(0, 0, 0, -0.8)
-    assert on_key(hand, KeyEvent("l", now + 0.02, released=True), P).command(now + 0.02) is None
+    assert on_key(state, up, P).command(now + 0.01) == Velocity(0, 0, 0, -0.8)
+    assert on_key(state, KeyEvent("l", now + 0.02, released=True), P).command(now + 0.02) is None
     assert not is_stop(up)
 
 
 @given(st.lists(st.sampled_from([*MOVES, *SCALES, "k", " "]), max_size=80))
 def test_no_keys_exceed_the_limits(keys: list[str]) -> None:
     p = TeleopParameters(speed=0.4, turn=0.8, speed_limit=0.6, turn_limit=0.9)
-    hand, now = KeyState.initial(p), 0.0
+    state, now = KeyState.initial(p), 0.0
     for key in keys:
         now += 0.1
-        hand = on_key(hand, KeyEvent(key, now), p)
-        motion = hand.command(now)
-        assert MIN_SPEED <= hand.speed <= 0.6
-        assert MIN_SPEED <= hand.turn <= 0.9
+        state = on_key(state, KeyEvent(key, now), p)
+        motion = state.command(now)
+        assert MIN_SPEED <= state.speed <= 0.6
+        assert MIN_SPEED <= state.turn <= 0.9
         assert motion is None or (max(map(abs, motion[:3])) <= 0.6 and abs(motion.yaw) <= 0.9)
-    assert hand.command(now + 0.61) is None
+    assert state.command(now + 0.61) is None

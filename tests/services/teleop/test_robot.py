@@ -68,8 +68,8 @@ def test_the_only_base_needs_no_name() -> None:
     [
         ("/p3dy", FOUND, r"no robot takes commands on /p3dy/cmd_vel; did you mean '/p3dx'\? \(known: /p3dx, /tb3_0\)"),
         ("", FOUND, "there are several robots: choose one of /p3dx, /tb3_0"),
-        ("", {}, "no robot takes commands at tcp/x:1: is a fleet up"),
-        ("/p3dx", {}, "no robot takes commands at tcp/x:1: is a fleet up"),
+        ("", {}, "no robot takes commands at tcp/x:1: is a fleet with a robot running"),
+        ("/p3dx", {}, "no robot takes commands at tcp/x:1: is a fleet with a robot running"),
         ("p3 dx", FOUND, "'p3 dx' is not a name"),
     ],
 )

@@ -11,7 +11,7 @@ import pytest
 
 from messages.actionlib import GoalID, Status
 from messages.base import encode
-from messages.geometry import Twist
+from messages.geometry import Twist, Vector3
 from messages.names import Identity
 from messages.requests import (
     SET_PEN,
@@ -23,7 +23,7 @@ from messages.requests import (
 )
 from messages.rosparam import RosparamTree
 from messages.std_srvs import Empty, EmptyResponse
-from messages.topics import CMD_VEL, COLOR_SENSOR, MARKERS, ROSPARAM_TREE, TURTLE_POSE, Quality, Topic
+from messages.topics import CMD_VEL, COLOR_SENSOR, MARKERS, ROSPARAM_TREE, TURTLE_POSE, TURTLE_STATES, Quality, Topic
 from messages.turtlesim import (
     Color,
     Kill,
@@ -77,7 +77,7 @@ def test_turtles_are_driven_spawned_killed_and_reset() -> None:
         service.publish(DRIVE, Twist.planar(1.0, 0.0))
         assert stand.run(1.0).x == pytest.approx(PLANE_M / 2 + 1.0, abs=0.03)
         assert service.call(TURTLESIM_SPAWN, Spawn(x=2.0, y=3.0, theta=1.0)).name == "turtle2"
-        with pytest.raises(CallFailed, match="a turtle 'turtle2' is there already"):
+        with pytest.raises(CallFailed, match="there is already a turtle 'turtle2'"):
             service.call(TURTLESIM_SPAWN, Spawn(name="turtle2"))
         service.call(SET_PEN, SetPen(r=9, width=1), name="turtle2/set_pen")
         service.call(TELEPORT_ABSOLUTE, TeleportAbsolute(x=4.0, y=3.0), name="turtle2/teleport_absolute")
@@ -143,6 +143,16 @@ def shown_markers(messages: list[MarkerArray]) -> dict[tuple[str, int], Marker]:
     return shown
 
 
+def test_states_have_the_speed_to_the_side_of_a_holonomic_turtle() -> None:
+    with run_service(SERVICE, params={"holonomic": True}) as service:
+        stand = Stand(service)
+        stand.run(0.02)
+        command = Twist(linear=Vector3(x=0.5, y=-0.25), angular=Vector3(z=1.0))
+        service.publish(DRIVE, command)
+        stand.run(0.1)
+        assert service.drain(TURTLE_STATES)[-1].twist == (command,)
+
+
 def test_it_turns_to_a_heading_and_says_how_that_ended() -> None:
     with run_service(SERVICE) as service:
         stand = Stand(service)
@@ -176,7 +186,7 @@ def test_the_background_is_in_the_tree_of_ros_1s_parameters() -> None:
         service.call(TURTLESIM_CLEAR, Empty())
         stand.run(0.1)
         assert service.drain(COLOR_SENSOR.named("turtle1/color_sensor"))[-1] == Color(r=255, g=86, b=255)
-        assert "background_g = 'much' in the tree of parameters is no part of a colour" in service.log
+        assert "background_g = 'much' in the parameter tree is not a colour value" in service.log
 
 
 def test_in_lockstep_scripts_are_answered_within_a_tick() -> None:
@@ -205,10 +215,10 @@ def test_in_lockstep_scripts_are_answered_within_a_tick() -> None:
             answers = [msgspec.msgpack.decode(each[0]) for each in iter(replies.recv, None)]
             assert [(each["number"], each["ok"]) for each in answers] == [(0, True), (1, False)]
             assert msgspec.msgpack.decode(answers[0]["payload"]) == {"name": "leo"}
-            assert "is there already" in msgspec.msgpack.decode(answers[1]["payload"])["reason"]
+            assert "there is already" in msgspec.msgpack.decode(answers[1]["payload"])["reason"]
             ends = msgspec.msgpack.decode(told.recv()[0])["ends"]  # type: ignore[index]
             assert {"kind": "srv", "name": "/spawn", "type": "turtlesim/Spawn", "latched": False} in ends
-            services.end(spawn, "spawn")
+            services.hide(spawn, "spawn")
             services.update()
             assert not [each for each in msgspec.msgpack.decode(told.recv()[0])["ends"] if each["kind"] == "srv"]  # type: ignore[index]
 
@@ -220,6 +230,7 @@ def test_in_real_time_calls_wait_for_a_tick_but_not_for_long() -> None:
         with node, pytest.MonkeyPatch.context() as patch:
             services = SteppingServices(Context(node, TurtlesimParameters(), 50))
             services.serve(TURTLESIM_CLEAR, lambda _: EmptyResponse(), "clear")
+            assert "clear/_request" not in [each.pattern for each in bus.subscribers], "that is for lockstep"
             for answer, patience_s in ((services.update, waited), (services.answer_late, -1.0)):
                 patch.setattr("services.script.stepping_services.HELD_S", waited)
                 asked = here.query_async("clear", encode(Empty()), waited)

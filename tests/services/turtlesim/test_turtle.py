@@ -62,9 +62,9 @@ def test_names_are_counted_as_in_ros_and_wrong_ones_refused() -> None:
     plane.kill("turtle2")
     assert plane.spawn("", 1.0, 1.0, 0.0) == "turtle4", "a number is not given twice"
     for name, why in (
-        ("turtle1", "a turtle 'turtle1' is there already: give another name, or none"),
+        ("turtle1", "there is already a turtle 'turtle1': give another name, or none"),
         ("two words", "no turtle can have this name: 'two words'"),
-        ("/turtle9", "so it is relative"),
+        ("/turtle9", "so it must not begin with '/' or '~'"),
         ("a" * 65, "64"),
     ):
         with pytest.raises(BadInput, match=why):
@@ -79,21 +79,21 @@ def test_names_are_counted_as_in_ros_and_wrong_ones_refused() -> None:
 def test_the_pen_draws_what_the_colour_sensor_sees() -> None:
     plane = Plane(BLUE)
     me = plane.turtles["turtle1"]
-    assert me.seen == BLUE
+    assert me.sensed_colour == BLUE
     me.pen = Pen(RED, 5)
     plane.move("turtle1", lambda turtle: turtle.displaced(2.0, 0.0))
     plane.move("turtle1", lambda turtle: turtle.displaced(-1.0, 0.0))
-    assert me.seen == RED
+    assert me.sensed_colour == RED
     me.pen = Pen(RED, 5, down=False)
     plane.move("turtle1", lambda turtle: turtle.displaced(0.0, math.pi / 2))
     plane.move("turtle1", lambda turtle: turtle.displaced(0.04, 0.0))
-    assert me.seen == RED, "within the pen's width"
+    assert me.sensed_colour == RED, "within the pen's width"
     plane.move("turtle1", lambda turtle: turtle.displaced(1.0, 0.0))
-    assert me.seen == BLUE
+    assert me.sensed_colour == BLUE
     assert [(line.colour, line.width, len(line.points)) for line in plane.trails.lines.values()] == [(RED, 5, 3)]
     plane.clear(RED)
     plane.move("turtle1", lambda turtle: turtle.step(SECOND, STEP_S))
-    assert me.seen == RED
+    assert me.sensed_colour == RED
     assert not plane.trails.lines
 
 
@@ -112,6 +112,15 @@ def test_a_trail_is_as_fine_as_it_must_be() -> None:
     corners = [point for line in lines for point in line.points]
     for x, y in ways[:400]:
         assert min(off_segment((x, y), a, b) for a, b in itertools.pairwise(corners)) < TOLERANCE_M * 1.01
+
+
+def test_a_dropped_line_is_not_drawn_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.turtlesim.drawing.MAX_LINES", 2)
+    trails = Trails()
+    for turtle in "abc":
+        trails.draw(turtle, (0.0, 0.0), (1.0, 0.0), RED, 3)
+    trails.draw("a", (1.0, 0.0), (2.0, 0.0), RED, 3)  # its first line was the oldest
+    assert [line.turtle for line in trails.lines.values()] == ["c", "a"]
 
 
 def off_segment(point: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:

@@ -10,11 +10,18 @@ from messages.se2 import ZERO_TWIST, Pose2, Twist2
 from models.model import read_model
 from models.world import WorldDescription
 from services.driving.guidance import Segment
-from services.sim.drive.driver import Drive
 from services.sim.engines import default_engine, open_world
 from services.waypoint import WaypointParameters
 from services.waypoint.controller import WaypointController
-from tests.services.sim.physics.driven_robot import STEP_NS, DrivenRobot, placement_at, robot_body, wheels_of, yaw_of
+from tests.services.sim.physics.driven_robot import (
+    STEP_NS,
+    DrivenRobot,
+    placement_at,
+    ramped_drive,
+    robot_body,
+    wheels_of,
+    yaw_of,
+)
 from tests.services.waypoint.ideal_base import CONTROL_S
 
 STEPS = round(CONTROL_S * 1e9 / STEP_NS)
@@ -27,7 +34,7 @@ def test_a_burger_keeps_to_its_legs_stops_on_its_points_and_takes_the_final_head
     offsets: list[float] = []
     with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
         world.spawn(robot_body("burger", "burger", placement_at(0, 0, 1.57)))
-        base = DrivenRobot(world, "burger", Drive.of(wheels_of(read_model("burger"))))
+        base = DrivenRobot(world, "burger", ramped_drive(wheels_of(read_model("burger"))))
         late = ZERO_TWIST
         for _ in range(1500):
             state = world.body("burger").state()

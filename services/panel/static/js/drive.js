@@ -120,7 +120,7 @@ export function startDrive(link, chosen) {
     enable(on) { enabled = on; if (!on) release(); },
     choose(robot) {
       setText(title, robot ? `Drive ${robotName(robot.ns)}` : "Drive");
-      const reason = !robot ? "Choose a robot first." : robot.drives ? "" : `${robotName(robot.ns)} has no wheels to drive: it takes no cmd_vel.`;
+      const reason = !robot ? "Choose a robot first." : robot.drives ? "" : `${robotName(robot.ns)} cannot be driven: it does not subscribe to cmd_vel.`;
       setText(why, reason);
       show(why, Boolean(reason));
       speed.disabled = turn.disabled = Boolean(reason);

@@ -30,7 +30,7 @@ export function startGraph(link) {
   function draw() {
     if (!visible) return;
     const found = shownTopics(), topics = found.slice(0, MOST);
-    const more = found.length > MOST ? `, the first ${MOST} drawn: filter for the others` : "";
+    const more = found.length > MOST ? `, the first ${MOST} drawn: use the filter to find others` : "";
     setText(count, `${store.nodes.length} nodes, ${found.length} of ${store.topics.length} topics${more}`);
     const { left, middle, right, height } = layout(topics);
     const width = Math.max(640, drawing.clientWidth - 20), side = width < 760 ? 140 : 170, wide = Math.min(380, width - 2 * side - 110);

@@ -25,7 +25,7 @@ const close = (choose) => el("button", { class: "bare close", title: "Close", on
 
 function ofTopic(name, choose) {
   const topic = store.topics.find((each) => each.name === name), known = store.rates.topics[name];
-  if (!topic) return [close(choose), el("h2", {}, name), el("p", { class: "hint" }, "It is gone.")];
+  if (!topic) return [close(choose), el("h2", {}, name), el("p", { class: "hint" }, "This topic no longer exists.")];
   const readers = topic.subs.map((node) => {
     const [received, lost, refused, foreign, reason, repeated, resynced] = store.rates.nodes[node]?.inputs[name] ?? [];
     const counts = received === undefined ? "" : [`${received} received`, lost && `${lost} lost`, refused && `${refused} refused`, repeated && `${repeated} repeated`, resynced && `${resynced} renumbered`, foreign && `${foreign} foreign`].filter(Boolean).join(", ");
@@ -34,10 +34,10 @@ function ofTopic(name, choose) {
   return [close(choose), el("h2", {}, name),
     fact("type", topic.types.join(", "), topic.types.length > 1 ? "bad" : ""), fact("quality", topic.quality),
     fact("rate", `${known ? known.hz.toFixed(1) : "–"} Hz of simulation time${topic.promised ? `, ${topic.promised} promised` : ""}`),
-    fact("on the wall", `${known ? known.wall.toFixed(1) : "–"} Hz`), fact("sent", String(known?.sent ?? "–")),
+    fact("wall-clock rate", `${known ? known.wall.toFixed(1) : "–"} Hz`), fact("sent", String(known?.sent ?? "–")),
     fact("last", known?.age === null || known?.age === undefined ? "–" : known.age < 1.5 ? "within the last second" : `${known.age.toFixed(0)} s ago`),
-    el("h3", {}, "Published by"), el("ul", {}, ...topic.pubs.map((node) => el("li", {}, link(node, { node }, choose)))),
-    el("h3", {}, "Read by"), el("ul", {}, ...(readers.length ? readers : [el("li", { class: "quiet" }, "nobody")]))];
+    el("h3", {}, "Publishers"), el("ul", {}, ...topic.pubs.map((node) => el("li", {}, link(node, { node }, choose)))),
+    el("h3", {}, "Subscribers"), el("ul", {}, ...(readers.length ? readers : [el("li", { class: "quiet" }, "none")]))];
 }
 
 function ofNode(name, choose) {
@@ -50,11 +50,11 @@ function ofNode(name, choose) {
   // What is refused on keys that are no topics, as those of lockstep.
   const beside = Object.entries(health?.inputs ?? {}).filter(([key, counts]) => counts[2] && !store.topics.some((each) => each.name === key));
   const served = store.services.filter((each) => each.node === name).map((each) => el("li", {}, each.name));
-  return [close(choose), el("h2", {}, name), fact("kind", node?.kind || "not ours"),
-    ...(health ? [fact("state", health.state), fact("heartbeat", `${health.age.toFixed(1)} s ago`, health.age > 3 ? "bad" : ""), fact("pid", String(health.pid)), ...(health.note ? [fact("says", health.note)] : [])] : [fact("heartbeat", "none heard")]),
+  return [close(choose), el("h2", {}, name), fact("kind", node?.kind || "external"),
+    ...(health ? [fact("state", health.state), fact("heartbeat", `${health.age.toFixed(1)} s ago`, health.age > 3 ? "bad" : ""), fact("pid", String(health.pid)), ...(health.note ? [fact("detail", health.note)] : [])] : [fact("heartbeat", "none received")]),
     ...(health?.refused_requests ? [fact("requests", `${health.refused_requests} refused: ${health.request_reason}`, "bad")] : []),
     ...beside.map(([key, counts]) => fact(key, `${counts[2]} refused: ${counts[4]}`, "bad")),
-    el("h3", {}, "Publishes"), el("ul", {}, ...topics("pubs")), el("h3", {}, "Reads"), el("ul", {}, ...topics("subs")),
+    el("h3", {}, "Publishes"), el("ul", {}, ...topics("pubs")), el("h3", {}, "Subscribes to"), el("ul", {}, ...topics("subs")),
     ...(served.length ? [el("h3", {}, "Serves"), el("ul", {}, ...served)] : [])];
 }
 

@@ -34,10 +34,10 @@ export function startHeader(link) {
     setText(byId("factor"), !clock.alive ? "" : paused ? "paused" : clock.factor === null ? "" : `×${clock.factor.toFixed(clock.factor < 10 ? 2 : 1)}`);
     byId("dot").className = `dot ${!clock.alive ? "bad" : paused ? "warn" : "good"}`;
     setText(byId("pause"), paused ? "Resume" : "Pause");
-    for (const id of ["step", "steps"]) setEnabled(byId(id), paused ? "" : "Pause first: time runs");
+    for (const id of ["step", "steps"]) setEnabled(byId(id), paused ? "" : "Pause first: the simulation is running");
   });
   link.on("about", ({ dropped }) => {
-    setText(byId("drops"), `${dropped} frames left out`);
+    setText(byId("drops"), `${dropped} messages dropped`);
     show(byId("drops"), dropped > 0);
   });
   link.on("fleet", ({ state }) => {

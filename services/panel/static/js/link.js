@@ -132,8 +132,8 @@ export class Link {
   async closeReason() {
     try {
       const answer = await fetch("/session", { signal: AbortSignal.timeout(2000) });
-      if (answer.status === 401) return "The token of this page no longer counts: open the address that ./elea panel prints.";
+      if (answer.status === 401) return "This page's token is no longer valid: open the address that ./elea panel prints.";
     } catch { /* nobody there */ }
-    return "No connection to the panel. It is tried again.";
+    return "No connection to the panel; reconnecting.";
   }
 }

@@ -8,8 +8,8 @@ const LEVELS = [[1, "debug"], [2, "info"], [4, "warn"], [8, "error"]];
 
 export function startLog(link) {
   let lines = [], level = 2, visible = false;
-  const filter = el("input", { type: "search", placeholder: "Filter: words or a node", "aria-label": "Filter the log", oninput: redraw });
-  const levels = el("select", { "aria-label": "Least level", onchange: () => { level = Number(levels.value); redraw(); } },
+  const filter = el("input", { type: "search", placeholder: "Filter by text or node", "aria-label": "Filter the log", oninput: redraw });
+  const levels = el("select", { "aria-label": "Minimum level", onchange: () => { level = Number(levels.value); redraw(); } },
     ...LEVELS.map(([value, name]) => el("option", { value, selected: value === 2 }, name)));
   const count = el("span", { class: "quiet num" });
   const body = el("div", { class: "lines", role: "log" });

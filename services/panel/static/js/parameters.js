@@ -7,7 +7,7 @@ import { Widget } from "./widget.js";
 export function startParameters(link) {
   const filter = el("input", { type: "search", placeholder: "Filter parameters", "aria-label": "Filter parameters", oninput: () => applyFilter() });
   const run = el("input", { type: "checkbox", id: "run-only", checked: storage.get("run", true), onchange: () => storage.set("run", run.checked) });
-  const empty = el("p", { class: "hint" }, "No parameters are described. Does the service params run?");
+  const empty = el("p", { class: "hint" }, "No parameters are announced: is the params service running?");
   const list = el("div", { class: "sets" });
   const element = el("aside", { class: "pane parameters" }, filter,
     el("label", { class: "line", title: "Changes are not saved for later runs" }, run, "this run only"), empty, list);
@@ -56,7 +56,7 @@ export function startParameters(link) {
     if (!element.hidden) { element.hidden = true; return; }
     try {
       const { changes } = await whilePending([button], link.call({ k: "history", set, limit: 30 }));
-      element.replaceChildren(...(changes.length ? changes.map(line) : [el("li", { class: "quiet" }, "nothing was changed")]));
+      element.replaceChildren(...(changes.length ? changes.map(line) : [el("li", { class: "quiet" }, "no changes yet")]));
       element.hidden = false;
     } catch (error) { notify(error.message, "bad"); }
   }

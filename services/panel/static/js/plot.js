@@ -40,11 +40,11 @@ export class Plot {
     this.lines = [];
     this.chips = el("div", { class: "chips" });
     this.ground = el("div", { class: "ground" });
-    this.hint = el("p", { class: "hint" }, "Choose a field of a topic, and it is drawn here.");
+    this.hint = el("p", { class: "hint" }, "Choose a topic's field to plot it here.");
     this.element = el("section", { class: "plot", onpointerdown: () => board.activate(this) },
       el("header", {}, this.chips,
         el("span", { class: "tools" },
-          el("button", { class: "small", title: "Save what this plot holds as CSV", onclick: () => this.save() }, "CSV"),
+          el("button", { class: "small", title: "Save this plot's samples as CSV", onclick: () => this.save() }, "CSV"),
           el("button", { class: "small", title: "Remove this plot", onclick: () => board.drop(this) }, "×"))),
       this.ground, this.hint);
     this.sizes = new ResizeObserver(() => this.fit());

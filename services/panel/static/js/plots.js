@@ -50,13 +50,13 @@ export function startPlots(link) {
     return plot;
   }
 
-  const pause = el("button", { id: "plots-pause", title: "Hold the picture; samples are still kept", onclick: () => {
+  const pause = el("button", { id: "plots-pause", title: "Freeze the plots; samples are still collected", onclick: () => {
     paused = !paused;
     fixed = paused ? board.range().slice() : null;
     refresh();
   } }, "Hold");
-  const follow = el("button", { title: "Back to the newest (a double click does the same)", onclick: () => board.follow() }, "Follow");
-  const windows = el("select", { id: "plots-window", "aria-label": "Seconds shown", onchange: () => {
+  const follow = el("button", { title: "Show the newest samples again (or double-click a plot)", onclick: () => board.follow() }, "Follow");
+  const windows = el("select", { id: "plots-window", "aria-label": "Time window", onchange: () => {
     span = Number(windows.value);
     storage.set("window", span);
     board.follow();
@@ -85,7 +85,7 @@ export function startPlots(link) {
 
   function refresh() {
     pause.setAttribute("aria-pressed", String(paused));
-    setEnabled(follow, fixed === null ? "It shows the newest samples already" : "");
+    setEnabled(follow, fixed === null ? "The newest samples are shown already" : "");
     dirty = true;
     redraw();
   }

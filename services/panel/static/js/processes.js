@@ -8,7 +8,7 @@ const KINDS = { ready: "good", starting: "warn", waiting: "warn", "backing off":
 export function startProcesses(link) {
   const body = el("tbody"), count = el("span", { class: "quiet num" });
   const filter = el("input", { type: "search", placeholder: "Filter processes", "aria-label": "Filter processes", oninput: () => applyFilter() });
-  const empty = el("p", { class: "hint" }, "No supervisor is in sight: these processes were started by hand.");
+  const empty = el("p", { class: "hint" }, "No supervisor found: were the processes started by hand?");
   const element = el("div", { class: "view processes" }, el("div", { class: "toolbar" }, filter, el("span", { class: "fill" }), count), el("div", { class: "scroll" },
     el("table", {}, el("thead", {}, el("tr", {}, ...["Process", "State", "Pid", "Restarts", "CPU", "Memory", "Heartbeat", ""].map((each) => el("th", {}, each)))), body), empty));
   const rows = new Map();

@@ -50,7 +50,7 @@ export function startRobots(link) {
 
   function aim(on) {
     const robot = robots.find((each) => each.ns === selected);
-    if (on && !robot?.goals) { notify(robot ? `${selected} takes no goals: no waypoint service runs for it` : "choose a robot first", "bad"); on = false; }
+    if (on && !robot?.goals) { notify(robot ? `${selected} takes no goals: no waypoint service runs for it` : "Choose a robot first", "bad"); on = false; }
     aiming = on;
     if (on) ground.touched = true; // the view stays: a click means what is seen
     goalButton.setAttribute("aria-pressed", String(aiming));
@@ -66,7 +66,7 @@ export function startRobots(link) {
   function makeRow(ns) {
     const parts = { pose: el("span", { class: "num quiet" }), state: el("span", { class: "state" }) };
     parts.swatch = el("i", { class: "swatch" });
-    parts.stop = el("button", { class: "stop small", title: ns === "/" ? "Stop all robots until they are reset: /e_stop is theirs, too" : "Stop this robot until it is reset", "aria-label": `Stop ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); setStop(ns, true); } }, "Stop");
+    parts.stop = el("button", { class: "stop small", title: ns === "/" ? "Stop all robots until they are reset: this robot's e_stop is /e_stop, which stops all" : "Stop this robot until it is reset", "aria-label": `Stop ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); setStop(ns, true); } }, "Stop");
     parts.reset = el("button", { class: "small", title: "Let this robot move again", "aria-label": `Reset ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); setStop(ns, false); } }, "Reset");
     parts.name = el("button", { class: "bare pick", title: "Choose this robot, to drive it or send it to a goal" }, robotName(ns));
     parts.row = el("div", { class: "robot", onclick: () => select(ns) },
@@ -105,10 +105,10 @@ export function startRobots(link) {
       show(parts.stop, robot.stops);
     });
     if (gone && selected) rows.get(selected).row.scrollIntoView({ block: "nearest", inline: "nearest" });
-    if (!robots.length && !list.children.length) list.append(el("p", { class: "hint" }, "No robots are in sight."));
+    if (!robots.length && !list.children.length) list.append(el("p", { class: "hint" }, "No robots found."));
     if (robots.length) list.querySelector(".hint")?.remove();
     const robot = robots.find((each) => each.ns === selected);
-    setText(hint, aiming ? `Click where ${robotName(selected)} is to go; drag to turn it.` : "");
+    setText(hint, aiming ? `Click the goal of ${robotName(selected)}; drag to set its final heading.` : "");
     setEnabled(goalButton, robot?.goals ? "" : robot ? `${robotName(selected)} takes no goals: no waypoint service runs for it` : "Choose a robot first");
     drive.choose(robot);
     showPoses();

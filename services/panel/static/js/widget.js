@@ -64,7 +64,7 @@ export class Widget {
     const { type, optional } = this.description, text = this.box.value.trim();
     if (type === "str") { this.send(this.box.value); return; }
     if (text === "" && optional) { this.send(null); return; }
-    try { this.send(JSON.parse(text)); } catch { this.refuse(`${text || "nothing"} is no ${type}; lists are written as [1, 2]`); }
+    try { this.send(JSON.parse(text)); } catch { this.refuse(`${text || "an empty value"} is not a valid ${type}; lists are written as [1, 2]`); }
   }
 
   soon(value) {

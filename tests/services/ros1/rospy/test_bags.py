@@ -106,7 +106,7 @@ def test_the_command_shows_and_plays_a_bag(
     rospy.init_node("reader", disable_signals=True)
     rospy.Subscriber("/counts", Int32, lambda message: got.append(message.data))
     rospy.Subscriber("/words", String, lambda message: got.append(message.data))
-    rosbag_command.play([path, "-i", "-s", "2", "-u", "2", "-d", "0"])
+    rosbag_command.play([path, "-i", "-s", "2", "-u", "2", "-d", "0", "--queue=100"])
     assert sorted(map(str, got)) == ["2", "3", "4", "hello"]
     assert capsys.readouterr().out.endswith("done.\nDone.\n")
 

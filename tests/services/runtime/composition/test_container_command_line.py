@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from services.catalog import load_component
-from services.runtime.container_main import container_command
+from services.runtime.container_main import container_command, run_container_command_line
 from services.runtime.errors import BadInput
+from tests.harness.cases import case
 
 OWN = """
 from services.runtime import main
@@ -44,7 +45,7 @@ def test_bad_input_is_refused_with_its_place(tmp_path: Path) -> None:
     for lines, error in {
         "": 'a container needs nodes: --node "waypoint --namespace /tb3_0", or --nodes FILE',
         "waypoint\nwaypoynt": f"{nodes}:2: unknown service 'waypoynt'; did you mean 'waypoint'?",
-        "waypoint\n\nwaypoint --name waypoint": f"{nodes}:3: a node /waypoint is stated already at {nodes}:1",
+        "waypoint\n\nwaypoint --name waypoint": f"{nodes}:3: a node /waypoint is already declared at {nodes}:1",
         "sim": f"{nodes}:1: sim cannot share a process: the simulation never waits for it",
         "teleop": f"{nodes}:1: teleop cannot share a process: it reads the keyboard",
         "waypoint --param laps=-1": f"{nodes}:1: --param: parameter laps = -1",
@@ -58,3 +59,18 @@ def test_bad_input_is_refused_with_its_place(tmp_path: Path) -> None:
         assert error in str(raised.value), lines
     with pytest.raises(BadInput, match=r"--nodes: .*absent cannot be read"):
         _run("--nodes", str(tmp_path / "absent"))
+    with pytest.raises(BadInput, match=r"^--node: unknown service ''"):
+        _run("--node", "")
+
+
+def test_errors_begin_with_the_name_of_the_process(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, name in {
+        (): "container",
+        ("--name", "control"): "control",
+        ("--name=control",): "control",
+        ("--lockstep", "--name=control"): "control",
+    }.items():
+        with case(arguments), pytest.raises(SystemExit) as ended:
+            run_container_command_line([*arguments, "--node", "waypoynt"], load_component, "container")
+        assert ended.value.code == 2
+        assert capsys.readouterr().err.startswith(f"{name}: --node: unknown service 'waypoynt'"), arguments

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import threading
 import time
@@ -26,6 +27,7 @@ from services.runtime.step import STEP_NS, period_of
 from services.runtime.transport.api import Transport
 from services.runtime.transport.memory import MemoryBus
 from services.runtime.transport.wire import member_id
+from tests.harness.cases import case
 from tests.harness.memory_node import memory_node
 from tests.harness.waiting import wait_until
 
@@ -350,3 +352,9 @@ def test_a_rate_must_be_whole_steps() -> None:
     assert period_of(30, lockstep=False) == 33_333_333
     with pytest.raises(BadInput, match="not a whole number of physics steps"):
         period_of(30, lockstep=True)
+
+
+def test_a_rate_out_of_range_is_refused() -> None:
+    for rate in (0.0, -25.0, 1e10, math.inf, math.nan):
+        with case(rate), pytest.raises(BadInput, match="out of range: it must be above 0"):
+            period_of(rate, lockstep=False)

@@ -81,7 +81,7 @@ def test_a_service_that_is_expected_is_asked_until_its_link_carries_a_question(b
         followed.start()
         come.join(10)
         assert followed.params == Gains(p=2.0)
-        assert "own for now" not in log_of(made)
+        assert "own values of the parameters" not in log_of(made)
 
 
 def test_a_node_changes_its_own_parameters_through_the_service_that_owns_them(bus: MemoryBus) -> None:

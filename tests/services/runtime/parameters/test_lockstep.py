@@ -89,7 +89,7 @@ def _member(rate: float, dawdle: random.Random, seen: list[Any]) -> Callable[[No
         ParameterClient.of(made).expected = True
         followed = ParameterSubscription(made, made.identity.node, Gain())
         followed.start()
-        ctx: Context[Gain] = Context(made, followed.params, rate, lockstep=True, followed=followed)
+        ctx: Context[Gain] = Context(made, followed.params, rate, lockstep=True, subscription=followed)
         truth = ctx.stream(TRUTH)
         for tick in ctx.ticks():
             heard = sum(m.data for m in truth.drain())

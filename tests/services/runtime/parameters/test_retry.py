@@ -104,7 +104,7 @@ def test_an_answer_that_cannot_be_read_is_no_success(bus: MemoryBus) -> None:
     with (
         server(bus, babbles),
         MemoryTransport(bus) as me,
-        pytest.raises(CallFailed, match="answered with something else than a SimTime"),
+        pytest.raises(CallFailed, match="answered with something other than a SimTime"),
     ):
         call_idempotent(me, STEP, Steps())
 
@@ -124,7 +124,7 @@ def test_a_network_that_is_too_busy_to_say_who_is_there_is_asked_again(tmp_path:
         stop_process(network.router.pid)
         began = time.monotonic()
         try:
-            with pytest.raises(CallFailed, match="nothing was sent to /sim/step: the network has not said"):
+            with pytest.raises(CallFailed, match="nothing was sent to /sim/step: the network did not list its nodes"):
                 call_idempotent(transport, STEP, Steps(), 1.5)
         finally:
             network.router.signal(signal.SIGCONT)

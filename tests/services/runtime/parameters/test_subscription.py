@@ -86,7 +86,7 @@ def test_a_change_that_does_not_fit_is_refused_whole_and_taken_back(bus: MemoryB
 
 
 def test_values_that_contradict_each_other_are_refused(bus: MemoryBus) -> None:
-    with FakeParameterService(bus) as params, parameter_node(bus, fits=check_damping) as (made, followed):
+    with FakeParameterService(bus) as params, parameter_node(bus, validate=check_damping) as (made, followed):
         followed.start()
         params.publish(SET, {"p": 0.5, "d": 1.0})
         assert spin_once(made, followed) == 0
@@ -106,7 +106,7 @@ def test_saved_values_that_contradict_each_other_are_left_for_a_person_to_mend(
     bad = {"p": 0.1, "d": 1.0}
     with (
         FakeParameterService(bus, lambda asked: parameter_values(asked.set, bad)) as params,
-        parameter_node(bus, fits=check_damping) as (made, followed),
+        parameter_node(bus, validate=check_damping) as (made, followed),
     ):
         followed.start()
         params.publish(SET, bad)
@@ -140,7 +140,7 @@ def test_a_loop_sees_the_record_of_its_tick(bus: MemoryBus, clock: ManualClock) 
     seen: list[tuple[int, float, int]] = []
     with FakeParameterService(bus) as params, parameter_node(bus) as (made, followed):
         followed.start()
-        ctx: Context[Gains] = Context(made, followed.params, 25, followed=followed)
+        ctx: Context[Gains] = Context(made, followed.params, 25, subscription=followed)
         ticks = ctx.ticks()
 
         def step() -> None:
@@ -163,7 +163,7 @@ def test_a_loop_sees_the_record_of_its_tick(bus: MemoryBus, clock: ManualClock) 
 def test_a_loop_without_ticks_follows_too(bus: MemoryBus) -> None:
     with FakeParameterService(bus) as params, parameter_node(bus) as (made, followed):
         followed.start()
-        ctx: Context[Gains] = Context(made, followed.params, None, followed=followed)
+        ctx: Context[Gains] = Context(made, followed.params, None, subscription=followed)
         params.publish(SET, {"p": 2.0})
         wait_until(lambda: ctx.idle() or ctx.params.p == 2.0)
         params.publish(SET, {"p": 2.5, "d": 2.0})

@@ -13,7 +13,7 @@ from messages.std import Header, Time
 from services.runtime.errors import Extrapolation, FrameLoop, NotConnected, NoTransform, UnknownFrame
 from services.runtime.tf import buffer as frame_buffer
 from services.runtime.tf.authority import MAX_AUTHORITIES
-from services.runtime.tf.buffer import TransformBuffer
+from services.runtime.tf.buffer import TransformBuffer, pose_in_world
 from tests.messages.test_se3 import poses, same
 
 S = 1_000_000_000
@@ -237,6 +237,15 @@ def test_a_frame_lies_in_itself_at_the_time_that_is_asked_for(robot: TransformBu
     assert robot.lookup("nobody", "nobody", S) == (S, IDENTITY)
     with pytest.raises(UnknownFrame):
         robot.lookup("", "")
+
+
+def test_a_frame_is_placed_in_the_world_at_the_stamp_or_else_at_the_latest_known_time(robot: TransformBuffer) -> None:
+    def x(frame: str, seconds: float) -> float:
+        return pose_in_world(robot, Header(stamp=Time.of(round(seconds * S)), frame_id=frame)).position[0]
+
+    assert (x("/a/base", 1.0), x("a/base", 0.0), x("a/base", 77.0)) == pytest.approx((2.0, 3.0, 3.0))
+    for frame in ("", "world", "/world", "unknown"):
+        assert pose_in_world(robot, Header(frame_id=frame)) == IDENTITY
 
 
 def test_a_frame_of_the_past_is_found_through_one_that_stands_still(robot: TransformBuffer) -> None:

@@ -172,7 +172,7 @@ def test_forged_ids_do_not_make_a_reader_forget_who_speaks(
     judged = bus.source._sequences
     sizes = {len(judged.last), len(judged.stamps)}
     assert sizes == {64}
-    assert max(len(judged._seen), len(judged._rivals)) <= 64
+    assert max(len(judged._seen), len(judged._unexpected)) <= 64
 
 
 def test_an_absurd_attachment_is_refused(bus: SequenceHarness) -> None:

@@ -76,7 +76,7 @@ def test_a_network_that_does_not_answer_is_told_from_one_without_tokens(tmp_path
         stop_process(network.router.pid)
         try:
             assert transport.tokens("@elea/*/*", 0.1) == []
-            with pytest.raises(TryAgain, match=r"has not said within 0\.1 s who is there"):
+            with pytest.raises(TryAgain, match=r"did not list its nodes within 0\.1 s"):
                 transport.all_tokens("@elea/*/*", 0.1)
         finally:
             os.kill(network.router.pid, signal.SIGCONT)

@@ -17,7 +17,7 @@ from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
 from services.runtime.transport import unix_sockets
 from services.runtime.transport.unix_sockets import (
-    is_listening,
+    check_reachable,
     make_private,
     path_of,
     remove_stale,
@@ -94,7 +94,7 @@ def test_a_folder_that_others_can_reach_is_refused_with_the_remedy(
     with pytest.raises(BadInput, match=f"mode 0755, so other users may reach the robots: chmod 700 {base}$"):
         make_private(planted)
     base.chmod(0o700)
-    with pytest.raises(BadInput, match=r"belongs to the user with number \d+, .*: set XDG_RUNTIME_DIR"):
+    with pytest.raises(BadInput, match=r"belongs to the user with uid \d+, .*: set XDG_RUNTIME_DIR"):
         make_private(of_another_user(folder))
     planted.symlink_to(folder)
     with pytest.raises(BadInput, match="7447 is a symbolic link"):
@@ -120,7 +120,7 @@ def test_the_limit_of_a_path_is_the_systems(folder: Path) -> None:
     router = router_in(longest)
     with ZenohTransport(configuration("router", listen=(router,))), ZenohTransport(configuration("direct", (router,))):
         assert max(len(str(each)) for each in longest.glob("*.sock")) == unix_sockets.MAX_PATH_LENGTH
-    with pytest.raises(BadInput, match="take 108 bytes, and 107 is the limit: set XDG_RUNTIME_DIR"):
+    with pytest.raises(BadInput, match="takes 108 bytes, the limit is 107: set XDG_RUNTIME_DIR"):
         configuration("direct", (router_in(folder / ("x" * (room + 1))),))
 
 
@@ -134,10 +134,10 @@ def test_what_killed_processes_left_neither_blocks_nor_stays(folder: Path, monke
         each.wait()
     assert len(list(meeting.glob("*.sock"))) == 2
     with pytest.raises(OSError, match="refused"):
-        is_listening(router)
+        check_reachable(router)
 
     with ZenohTransport(configuration("router", listen=(router,))):
-        is_listening(router)
+        check_reachable(router)
         with ZenohTransport(configuration("direct", (router,))):
             assert len(list(meeting.glob("*.sock"))) == 3
             remove_stale(meeting)
@@ -147,7 +147,7 @@ def test_what_killed_processes_left_neither_blocks_nor_stays(folder: Path, monke
             left = list(meeting.glob("*.sock"))
             assert len(left) == 2, "the living keep theirs"
             assert meeting / "router.sock" in left
-            is_listening(router)
+            check_reachable(router)
     remove_stale(meeting)
     assert not meeting.exists()
     remove_stale(meeting)
@@ -172,6 +172,6 @@ def test_a_router_returns_where_its_predecessor_was_killed(folder: Path) -> None
 
 def test_knocking(folder: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        is_listening(f"tcp/127.0.0.1:{server.getsockname()[1]}")
+        check_reachable(f"tcp/127.0.0.1:{server.getsockname()[1]}")
     with pytest.raises(OSError, match="No such file"):
-        is_listening(router_in(folder))
+        check_reachable(router_in(folder))

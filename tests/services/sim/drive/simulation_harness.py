@@ -32,8 +32,9 @@ from services.sim.engines import Engine, default_engine, open_world
 from services.sim.loop import SimulationLoop
 from services.sim.parameters import BaseParameters, RobotEntry
 from services.sim.robot import Robot
+from services.sim.robot_topics import CONTROL_STEPS
 from services.sim.services import SimulationServices
-from services.sim.simulation import CONTROL_STEPS, Simulation
+from services.sim.simulation import Simulation
 from services.sim.time_modes import RealTime
 
 M = TypeVar("M", bound=Message)

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from models.model import read_model
 from services.sim.drive.arbiter import BRAKE, Arbiter, Decision
-from services.sim.drive.driver import AT_REST, Drive, step_drive, wheel_speeds
+from services.sim.drive.driver import AT_REST, step_drive, wheel_speeds
+from tests.services.sim.physics.driven_robot import ramped_drive
 
 MS = 1_000_000
 TELEOP, CONTROLLER = 10, 1
@@ -168,7 +169,7 @@ def test_whatever_is_offered_only_finite_bounded_speeds_reach_the_wheels(
 ) -> None:
     wheels = read_model("burger").wheels
     assert wheels is not None
-    drive, arbiter, state = Drive.of(wheels, clamp=clamp), Arbiter(), AT_REST
+    drive, arbiter, state = ramped_drive(wheels, clamp=clamp), Arbiter(), AT_REST
     for step, (source, priority, v, w, age) in enumerate(series):
         now = step * 5 * MS
         arbiter.accept(source, priority, v, w, now - age * MS, now)

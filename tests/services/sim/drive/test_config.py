@@ -14,10 +14,10 @@ from models.model import RobotModel, read_model
 from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
 from services.sim.drive.config import DriveConfig, drive_config, effective_parameters, odometry_config
-from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry
 from services.sim.drive.limiter import AxisLimits
 from tests.services.sim.drive.simulation_harness import base_parameters, run_simulation
+from tests.services.sim.physics.driven_robot import ramped_drive
 
 
 def settings(name: str, **parameters: Any) -> DriveConfig:
@@ -35,8 +35,8 @@ def test_every_model_fits_its_urdf(name: str) -> None:
 def test_a_turtlebot_is_driven_as_its_plugin_does(name: str) -> None:
     wheels = read_model(name).wheels
     assert wheels is not None
-    assert settings(name).drive == Drive.of(wheels)
-    assert settings(name, clamp=False, jump=0.01).drive == Drive.of(wheels, clamp=False, jump=0.01)
+    assert settings(name).drive == ramped_drive(wheels)
+    assert settings(name, clamp=False, jump=0.01).drive == ramped_drive(wheels, clamp=False, jump=0.01)
     assert odometry_config(read_model(name), base_parameters()).source == "encoder", "as the real one's, not Gazebo's"
     assert odometry_config(read_model(name), base_parameters(odometry="world")).source == "world"
 

@@ -13,12 +13,13 @@ from models.model import read_model
 from services.sim.drive.driver import AT_REST, Drive, DriveState, commanded_velocity, step_drive, wheel_speeds
 from services.sim.drive.kinematics import WheelGeometry, body_velocity, rim_speeds
 from services.sim.drive.limiter import AxisLimits, braking_limits
+from tests.services.sim.physics.driven_robot import ramped_drive
 
 DT = 0.005
 WHEELS = read_model("burger").wheels
 assert WHEELS is not None
-BURGER = Drive.of(WHEELS)
-PLUGIN = Drive.of(WHEELS, clamp=False, jump=0.01)
+BURGER = ramped_drive(WHEELS)
+PLUGIN = ramped_drive(WHEELS, clamp=False, jump=0.01)
 LINEAR = AxisLimits(-0.5, 0.75, 0.3, 0.6, 0.2, 0.4)
 ANGULAR = AxisLimits(-1.7, 1.7, 1.7, 1.7, 1.7, 1.7)
 PIONEER = Drive(

@@ -49,7 +49,7 @@ def test_the_tutorials_figures_are_told_with_their_effects(built: WheelGeometry,
     drives, turns, way, turn = effects
     assert f"drives {drives} the commanded speed and turns {turns} the commanded rate" in text
     assert f"reports {way} the way and {turn} the turn" in text
-    assert "diameter taken for a radius" in text
+    assert "diameter entered as the radius" in text
     assert "bends" not in text
 
 

@@ -112,7 +112,7 @@ def test_gains_change_but_a_wheel_is_not_switched_to_torque() -> None:
         tell(world, params, wheel_pid__p=None)
         assert world.base.config.gains is gains
         wait_until(lambda: world.node.spin_once() or params.undo_requests)
-        assert "only gains change" in params.undo_requests[0].who
+        assert "only its gains can change" in params.undo_requests[0].who
 
 
 @pytest.mark.slow

@@ -175,7 +175,7 @@ def test_a_robot_is_spawned_stopped_and_deleted_with_its_stop() -> None:
         world.run(0.02)
         held = world.call(LIST_STOPS, Empty()).stops
         assert [(each.robot, each.topic) for each in held] == [("late", "/late/e_stop")]
-        with pytest.raises(CallFailed, match=r"no emergency stop of p3dx to release \(stops that hold: late\)"):
+        with pytest.raises(CallFailed, match=r"no emergency stop of p3dx to release \(active stops: late\)"):
             world.call(RELEASE_STOP, ReleaseStop(name=NAME))
         world.call(DELETE, Name(name="late"))
         assert world.call(LIST_STOPS, Empty()).stops == ()

@@ -7,14 +7,21 @@ from pathlib import Path
 
 import pytest
 
+from messages.gazebo import SetConfiguration
 from messages.geometry import Twist
 from messages.joints import JointCommand, JointTarget
-from messages.requests import RESET
+from messages.requests import APPLY_EFFORT, RESET, SET_CONFIGURATION
 from messages.std import Bool, Empty, Header, Time
 from messages.topics import CMD_VEL, E_STOP, JOINT_COMMAND, JOINT_FEEDBACK, JOINT_STATES
 from models import model_config_path, urdf_path
 from models.robot_source import resolve_robot
-from tests.services.sim.joints.joint_simulation import JointSimulation, robot_entry, run_joint_simulation
+from services.runtime.errors import CallFailed
+from tests.services.sim.joints.joint_simulation import (
+    JointSimulation,
+    effort_request,
+    robot_entry,
+    run_joint_simulation,
+)
 
 PAN_TILT = """
   <link name="pan"><inertial><mass value="0.1"/>
@@ -104,3 +111,16 @@ def test_a_stop_holds_base_and_joints_and_a_reset_forgets_the_targets(model: str
         on.call(RESET, Empty())
         on.run(0.2)
         assert joints(on)["pan_joint"] == pytest.approx(0.0, abs=0.01)
+
+
+def test_efforts_on_them_and_new_positions_are_refused_with_the_alternative(model: str) -> None:
+    with run_joint_simulation(robot_entry("r", model)) as on:
+        for joint, told in (
+            ("pan_joint", "r::pan_joint: robots with a base accept no effort jobs: command the joint on /r/joint_com"),
+            ("wheel_left_joint", "r::wheel_left_joint is a wheel, which its base drives: command /r/cmd_vel instead"),
+        ):
+            with pytest.raises(CallFailed, match=told):
+                on.call(APPLY_EFFORT, effort_request(1.0, joint=joint, model="r"))
+        put = SetConfiguration(model="r", joint_names=("pan_joint",), joint_positions=(0.5,))
+        with pytest.raises(CallFailed, match="the joints of r cannot be set, as they include the wheels"):
+            on.call(SET_CONFIGURATION, put)

@@ -38,7 +38,7 @@ def test_efforts_wait_act_and_are_cleared() -> None:
         assert (on.joint_properties().applied_effort, on.joint_properties().jobs) == (0.0, 1)
         on.run(0.01)
         assert on.joint_properties().applied_effort == 5.0
-        assert on.call(CLEAR_EFFORT, JointName(joint_name="arm::bear_link")).text == "1 job of arm::bear_link dropped"
+        assert on.call(CLEAR_EFFORT, JointName(joint_name="arm::bear_link")).text == "1 job of arm::bear_link cleared"
         on.run(0.005)
         assert (on.joint_properties().applied_effort, on.joint_properties().jobs) == (0.0, 0)
         on.call(APPLY_EFFORT, effort_request(5.0, -1.0))

@@ -130,5 +130,5 @@ def test_a_command_that_was_on_its_way_for_too_long_moves_nothing() -> None:
         rig.topic.update()
         rig.motors.apply_commands(rig.topic, rig.now, set(), 1.0)
         rig.step(0.2)
-        assert rig.topic.reason == "a command of 0.1 s that is 0.300 s old: its time is over"
+        assert rig.topic.reason == "a command of 0.1 s that is 0.300 s old has expired"
         assert rig.velocity("waist") == 0.0

@@ -73,12 +73,16 @@ REFUSED: list[tuple[Request[Any, Any], Message, str]] = [
     (
         APPLY_WRENCH,
         ApplyWrench(body_name="tb3", wrench=Wrench(force=Vector3(x=1e6))),
-        "100000 in each axis is the most",
+        "the limit is 100000 in each axis",
     ),
     (LINK_STATE, LinkName(link_name="tb3::base_scna"), "did you mean 'base_scan'"),
     (GET_STATE, GetModelState(name="tb3", relative_entity="arn"), "unknown link 'arn'"),
     (SET_STATE, SetModelState(name="tb3", reference_frame="two::x"), "two: unknown link 'x'"),
-    (SET_STATE, SetModelState(name="arm", twist=Twist.planar(1.0, 0.0)), "held in the world"),
+    (
+        SET_STATE,
+        SetModelState(name="arm", twist=Twist.planar(1.0, 0.0)),
+        "arm has a fixed base: its pose can be set, but not its twist",
+    ),
     (SPAWN, SpawnModel(name="new", model="burger", reference_frame="nowhere"), "unknown link 'nowhere'"),
     (
         SPAWN,

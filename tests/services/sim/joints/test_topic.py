@@ -57,8 +57,8 @@ def job(
         (job(effort=1e9), "<= 1000000"),
         (job(effort=math.nan), "effort"),
         (job(duration=-2.0), "duration"),
-        (job(sec=9), "8.000 s ahead.*set back"),
-        (job(nano=1), "its time is over"),
+        (job(sec=9), "8.000 s ahead.*been reset"),
+        (job(nano=1), "it has expired"),
     ],
 )
 def test_what_makes_no_sense_is_counted_and_told(sent: JointEffort, says: str) -> None:
@@ -91,7 +91,7 @@ def test_what_waited_in_a_frozen_process_is_not_begun_anew(monkeypatch: pytest.M
             on.publish_effort(effort)
         on.run(0.5, factor=1.0)
         assert on.commands().refused == 1
-        assert "made 0.500 s ago is dropped" in on.commands().reason
+        assert "sent 0.500 s ago is dropped" in on.commands().reason
     with run_joint_simulation() as on:
         monkeypatch.setattr(on.simulation._delays, "estimate", lambda _: 0.06)
         states = on.subscribe(JOINT_STATES, "/arm/joint_states")
@@ -186,7 +186,7 @@ def test_a_doubtful_urdf_and_a_doubtful_mode_are_warned_of() -> None:
         robot_entry("gazebo", x=3.0, joint_parameters={"effort_mode": "sum", "velocity_rule": "gazebo"}),
         robot_entry("good", "arm_corrected", x=-3.0),
     ) as on:
-        assert "seed: joint bear_link: the URDF's velocity limit of 0 is taken as unspecified" in on.log
+        assert "seed: joint bear_link: the URDF's velocity limit of 0 counts as unspecified" in on.log
         assert "gazebo: joint bear_link: the URDF's velocity limit of 0 is a limit" in on.log
         assert 'gazebo: effort_mode = "sum": jobs that overlap add up' in on.log
         assert "good" not in on.log

@@ -9,7 +9,6 @@ import pytest
 from messages.se3 import Pose3
 from models.model import read_model
 from models.world import WorldDescription
-from services.sim.drive.driver import Drive
 from services.sim.engines import ENGINES, Engine, has_engine, open_world
 from services.sim.physics.world import World
 from tests.services.sim.physics.driven_robot import (
@@ -18,6 +17,7 @@ from tests.services.sim.physics.driven_robot import (
     NewWorld,
     Spawner,
     placement_at,
+    ramped_drive,
     robot_body,
     wheels_of,
 )
@@ -44,6 +44,6 @@ def world(new_world: NewWorld) -> Iterator[World]:
 def spawn(world: World) -> Spawner:
     def spawned(name: str = "robot", model: str = "burger", at: Pose3 | None = None, clamp: bool = True) -> DrivenRobot:
         world.spawn(robot_body(name, model, at or placement_at(0.0, 0.0)))
-        return DrivenRobot(world, name, Drive.of(wheels_of(read_model(model)), clamp=clamp))
+        return DrivenRobot(world, name, ramped_drive(wheels_of(read_model(model)), clamp=clamp))
 
     return spawned

@@ -11,7 +11,11 @@ from models import urdf_path
 from models.model import RobotModel, WheelConfig, read_model
 from models.world import WorldDescription
 from services.runtime.step import STEP_NS
-from services.sim.driving_trial import DT, DrivenRobot, drive_robots, turned, yaw_of
+from services.runtime.step import STEP_S as DT
+from services.sim.drive.driver import Drive
+from services.sim.drive.kinematics import WheelGeometry
+from services.sim.drive.limiter import AxisLimits, WheelRamp
+from services.sim.driving_trial import DrivenRobot, drive_robots, turned, yaw_of
 from services.sim.physics.world import Body, Motor, World
 
 __all__ = ["DT", "STEP_NS", "DrivenRobot", "NewWorld", "Spawner", "drive_robots", "turned", "yaw_of"]
@@ -24,6 +28,17 @@ def placement_at(x: float, y: float, yaw: float = 0.0, z: float = 0.0) -> Pose3:
 def wheels_of(model: RobotModel) -> WheelConfig:
     assert model.wheels is not None
     return model.wheels
+
+
+def ramped_drive(wheels: WheelConfig, *, clamp: bool = True, jump: float = 0.0) -> Drive:
+    """Return the drive of wheels with a ramp; with ``clamp``, its axes are limited to the hardware's speeds."""
+    v, w = (wheels.max_linear, wheels.max_angular) if clamp else (math.inf, math.inf)
+    return Drive(
+        WheelGeometry(wheels.separation, wheels.radius, wheels.radius),
+        linear=AxisLimits(-v, v),
+        angular=AxisLimits(-w, w),
+        ramp=WheelRamp(wheels.acceleration, wheels.brake, jump),
+    )
 
 
 def robot_body(name: str, model: str, placement: Pose3) -> Body:

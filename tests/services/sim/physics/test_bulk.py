@@ -8,11 +8,11 @@ from messages.base import encode
 from messages.std import Time
 from models.model import read_model
 from models.world import Box, WorldDescription
-from services.sim.moment import Moment
 from services.sim.noise import NoiseSource
-from services.sim.physics.bullet import MOST_RAYS
+from services.sim.physics.bullet import MAX_RAYS
 from services.sim.physics.world import BodyState
 from services.sim.sensors import laser_ranges
+from services.sim.snapshot import Snapshot
 from tests.services.sim.physics.driven_robot import NewWorld, placement_at, robot_body
 
 WALL = Box(name="wall", size=(0.2, 8.0, 1.0), position=(2.1, 0.0, 0.5))
@@ -43,7 +43,7 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
             world.body(name).link_state(link).numbers for name, link in links
         ]
 
-        every, single = Moment(world, 5, 1), Moment(world, 5, 1)
+        every, single = Snapshot(world, 5, 1), Snapshot(world, 5, 1)
         every.read_states(names)
         every.read_joints(names)
         single.read_states(names[:1])
@@ -51,8 +51,8 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
             assert (every.state(name), every.joints(name)) == (single.state(name), single.joints(name))
         for chosen in (names, names[1:], names[::-1], names[:1], ()):
             expected = np.concatenate((np.empty((3, 0)), *(readings[names.index(name)] for name in chosen)), axis=1)
-            for moment in (every, Moment(world, 5, 1)):
-                assert moment.joint_rows(chosen).tolist() == expected.tolist()
+            for snapshot in (every, Snapshot(world, 5, 1)):
+                assert snapshot.joint_rows(chosen).tolist() == expected.tolist()
         assert every.states(names[1:]).tolist() == [list(each.numbers) for each in map(single.state, names[1:])]
         assert single.states(names[:1]).tolist() == every.states(names[:1]).tolist()
         assert every.stamp == single.stamp == encode(Time.of(5))
@@ -64,9 +64,9 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
             assert row.tobytes() == alone.tobytes()
         assert np.isfinite(together).any()
 
-        starts = np.tile((-1.0, 0.0, 0.5), (MOST_RAYS + 2, 1))
+        starts = np.tile((-1.0, 0.0, 0.5), (MAX_RAYS + 2, 1))
         ends = starts + np.linspace(1.0, 9.0, len(starts))[:, None] * (1.0, 0.0, 0.0)
         fractions = world.cast_rays(starts, ends)
-        assert fractions.shape == (MOST_RAYS + 2,)
+        assert fractions.shape == (MAX_RAYS + 2,)
         assert fractions[-3:].tolist() == world.cast_rays(starts[-3:], ends[-3:]).tolist()
         assert np.isinf(fractions[0])

@@ -10,7 +10,6 @@ import pytest
 from messages.se3 import Pose3
 from models.model import read_model
 from models.world import Box, WorldDescription
-from services.sim.drive.driver import Drive
 from services.sim.drive.limiter import WheelRamp
 from services.sim.physics.world import BodyState
 from tests.services.sim.physics.driven_robot import (
@@ -20,6 +19,7 @@ from tests.services.sim.physics.driven_robot import (
     Spawner,
     drive_robots,
     placement_at,
+    ramped_drive,
     robot_body,
     turned,
     wheels_of,
@@ -138,7 +138,7 @@ def _against_a_wall(new_world: NewWorld, at: Pose3, speed: float, height: float)
     wall = Box(name="wall", size=(0.2, 40.0, height), position=(1.1, 0.0, height / 2))
     with new_world(WorldDescription(boxes=(wall,))) as world:
         world.spawn(robot_body("robot", "p3dx", at))
-        driver = replace(Drive.of(WHEELS), ramp=WheelRamp(acceleration=1.0))
+        driver = replace(ramped_drive(WHEELS), ramp=WheelRamp(acceleration=1.0))
         states = drive_robots([DrivenRobot(world, "robot", driver)], speed, 0.0, 5.0)
         assert world.contacts()
         return states

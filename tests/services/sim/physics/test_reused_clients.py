@@ -51,7 +51,7 @@ def along_the_wall(description: WorldDescription, cone_friction: int = 1) -> Out
 
 def test_a_world_is_the_same_after_one_with_a_light_or_other_friction(idle: list[int]) -> None:
     states, image = along_the_wall(PLAIN)
-    assert len(idle) == engine.MOST_IDLE == 2
+    assert len(idle) == engine.MAX_IDLE_CLIENTS == 2
     lit = along_the_wall(DUSK)
     assert len(idle) == 1, "the client that keeps the light is not used again"
     assert lit[0] == states

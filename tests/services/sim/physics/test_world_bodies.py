@@ -12,7 +12,7 @@ from models.mesh import Mesh
 from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics.world import Body, BodyState, CameraModel, Contact, Motor, World
-from services.sim.physics.world_bodies import MOST_TRIANGLES
+from services.sim.physics.world_bodies import MAX_TRIANGLES
 from tests.services.sim.physics.driven_robot import STEP_NS, NewWorld
 
 pytestmark = pytest.mark.slow
@@ -247,7 +247,7 @@ def test_a_mesh_of_many_triangles_is_loaded_in_pieces(new_world: NewWorld) -> No
     a, b, c, d = (each.ravel() for each in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
     triangles = np.concatenate([np.column_stack((a, b, c)), np.column_stack((a, c, d))]).astype(np.int32)
     mesh = Mesh(np.column_stack((grid, np.full(len(grid), 0.5))), triangles)
-    assert len(triangles) > MOST_TRIANGLES
+    assert len(triangles) > MAX_TRIANGLES
     with new_world(WorldDescription(bodies=(body("table", MeshShape(mesh), 0, 0, 0),))) as on:
         places = np.array([(x, x / 2, 2.0) for x in np.linspace(-0.95, 0.95, 40)])
         assert on.cast_rays(places, places - (0, 0, 2)) == pytest.approx(0.75, abs=1e-3)

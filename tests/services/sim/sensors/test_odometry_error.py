@@ -19,7 +19,7 @@ from models.model import OdometryErrorConfig, read_model
 from services.sim.drive.kinematics import WheelGeometry
 from services.sim.drive.odometry import initial_odometry, integrate_encoders
 from services.sim.drive.odometry_error import (
-    MOST_DEVIATIONS,
+    MAX_DEVIATIONS,
     NO_ERROR,
     ErrorDraws,
     OdometryError,
@@ -73,7 +73,7 @@ def test_odometry_drifts_by_the_seed_and_the_motion_does_not_depend_on_it() -> N
         assert (each[0], each[2], each[3]) == (plain[0], plain[2], plain[3]), "body, IMU and encoders are as they were"
     assert drift(true[0], true[1]) < 1e-6
     assert drift(exact[0], exact[1]) < drift(plain[0], plain[1]) / 3, "slip alone is left"
-    assert "odometry takes the wheels for other ones by the seed 0: left radius" in plain[4]
+    assert "wheel odometry assumes a wrong wheel geometry (drawn from seed 0): left radius" in plain[4]
     assert "odometry takes" not in exact[4]
 
 
@@ -100,7 +100,7 @@ def test_the_draws_belong_to_robot_and_seed() -> None:
     assert draw_errors(3, "tb3_0") == draw_errors(3, "tb3_0")
     assert len({draw_errors(seed, name) for seed in range(20) for name in ("tb3_0", "tb3_1")}) == 40
     many = np.array([draw_errors(seed, "tb3") for seed in range(500)])
-    assert np.abs(many).max() <= MOST_DEVIATIONS
+    assert np.abs(many).max() <= MAX_DEVIATIONS
     assert many.mean(axis=0) == pytest.approx([0.0] * 3, abs=0.1)
     assert many.std(axis=0) == pytest.approx([0.95] * 3, abs=0.08)
     config = OdometryErrorConfig(wheel_radius=0.003, wheel_radius_ratio=0.001, wheel_separation=0.01)

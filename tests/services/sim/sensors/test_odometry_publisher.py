@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -13,8 +14,11 @@ from messages.se3 import Pose3
 from messages.simulation import DriveSettings, SetOdometry
 from messages.std import Empty
 from messages.topics import CMD_VEL, CMD_VEL_OUT, GROUND_TRUTH, ODOM, TF, TF_STATIC
+from models.robot_source import resolve_robot
 from services.runtime.errors import BadInput, CallFailed
 from services.runtime.subscriber import Subscriber
+from tests.models.sample_robots import write
+from tests.models.test_robot_source import rolling
 from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness, base_parameters, run_simulation
 
 HALF = math.pi / 8
@@ -109,6 +113,20 @@ def test_odometry_has_the_stamps_of_ground_truth_whenever_the_robot_came() -> No
         world.run(1.0)
         told, real = ({each.header.stamp.ns for each in world.received(topic)} for topic in (ODOM, GROUND_TRUTH))
         assert told == real == set(range(0, 1_020_000_000, 40_000_000))
+
+
+@pytest.mark.parametrize("rate", [20, 25, 30, 40, 50])
+def test_ground_truth_has_the_rate_of_an_imported_robot(tmp_path: Path, rate: int) -> None:
+    plugin = (
+        '<gazebo><plugin name="drive" filename="libgazebo_ros_diff_drive.so"><left_joint>left_joint</left_joint>'
+        f"<right_joint>right_joint</right_joint><update_rate>{rate}</update_rate></plugin></gazebo></robot>"
+    )
+    path = write(tmp_path / "rover.urdf", rolling().replace("</robot>", plugin))
+    with run_simulation(resolve_robot(str(path), tmp_path).model) as world:
+        world.run(1.0)
+        told, real = ([each.header.stamp.ns for each in world.received(topic)] for topic in (ODOM, GROUND_TRUTH))
+    assert told == real
+    assert len(real) == rate
 
 
 def test_covariances_are_copied_and_may_be_whole_numbers() -> None:

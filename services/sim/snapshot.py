@@ -17,7 +17,7 @@ MANY = 0.5
 """Share of the bodies above which all are read at once."""
 
 
-class Moment:
+class Snapshot:
     """The world at ``tick``, whose time is ``now`` [ns]; valid until the world changes."""
 
     def __init__(self, world: World, now: int, tick: int) -> None:
@@ -25,11 +25,11 @@ class Moment:
         self._world = world
         self._rows: Floats | None = None
         """States of all bodies, if they were read together."""
-        self._places: dict[str, int] = {}
+        self._indices: dict[str, int] = {}
         self._states: dict[str, BodyState] = {}
         self._joint_rows: Floats | None = None
         """Readings of all joints, if they were read together."""
-        self._joint_places: dict[str, slice] = {}
+        self._joint_slices: dict[str, slice] = {}
         self._joints: dict[str, JointReadings] = {}
 
     @cached_property
@@ -41,7 +41,7 @@ class Moment:
         """Prepare for ``states`` of these bodies: read all at once if there are many."""
         if self._rows is None and len(names) > MANY * len(self._world.names):
             self._rows = self._world.states()
-            self._places = {name: place for place, name in enumerate(self._world.names)}
+            self._indices = {name: index for index, name in enumerate(self._world.names)}
 
     def states(self, names: Sequence[str]) -> Floats:
         """Return pose and velocity of the roots of bodies, shape (n, 13), see ``World.states``."""
@@ -50,7 +50,7 @@ class Moment:
             return np.array([self.state(name).numbers for name in names]).reshape(-1, 13)
         if tuple(names) == self._world.names:
             return self._rows
-        return self._rows[[self._places[name] for name in names]]
+        return self._rows[[self._indices[name] for name in names]]
 
     def read_joints(self, names: Sequence[str]) -> None:
         """Prepare for ``joints`` of these bodies: read all at once if there are many."""
@@ -72,7 +72,7 @@ class Moment:
             if self._rows is None:
                 state = self._world.body(name).state()
             else:
-                state = BodyState.of_numbers(self._rows[self._places[name]].tolist())
+                state = BodyState.of_numbers(self._rows[self._indices[name]].tolist())
             self._states[name] = state
         return state
 
@@ -89,9 +89,9 @@ class Moment:
     def _joint_columns(self, name: str) -> Floats:
         """Return a body's columns of the joint readings that were read together, shape (3, n)."""
         assert self._joint_rows is not None
-        if not self._joint_places:
+        if not self._joint_slices:
             end = 0
             for each in self._world.names:
                 start, end = end, end + len(self._world.body(each).joints)
-                self._joint_places[each] = slice(start, end)
-        return self._joint_rows[:, self._joint_places[name]]
+                self._joint_slices[each] = slice(start, end)
+        return self._joint_rows[:, self._joint_slices[name]]
