@@ -123,6 +123,8 @@ def parse_fleet(path: Path, text: str, overrides: Sequence[str] = (), robots: in
         found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         place = f"{path}:{found[1]}" if found else f"{path}:{text.count(chr(10)) + 1}"
         raise BadInput(f"{place}: this is not TOML: {error}") from None
+    except ValueError as error:  # a number of thousands of digits, whose line is unknown
+        raise BadInput(f"{path}: this is not TOML: {error}") from None
     tree, changed = apply_overrides(tree, overrides, robots)
     source = TomlSource(path, text, [(each.path, each.option) for each in changed])
     _check_mode(tree, source)

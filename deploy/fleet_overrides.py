@@ -169,7 +169,7 @@ def _value(text: str, path: Sequence[TomlKey]) -> Any:
     """Parse a TOML value; anything else is text. The file of a model or world is relative to the working directory."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except ValueError:  # no TOML, or a number of thousands of digits
         value = text
     if path[0] in ("robot", "grid") and path[-1] == "model" and isinstance(value, str):
         from models.robot_source import names_file  # importing it loads mesh readers, which --help must not wait for

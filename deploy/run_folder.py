@@ -17,7 +17,7 @@ from services.logger.file_rotation import rotated
 from services.panel.address import ADDRESS_FILE as PANEL_FILE
 from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput
-from services.runtime.fleet_instances import latest
+from services.runtime.fleet_instances import latest, running_fleets
 from services.runtime.user_folders import runs_folder
 from services.square import LOG_FILE
 
@@ -55,7 +55,7 @@ _FILES = (
 
 
 def make_run_folder(fleet: str, report: str = "", runs: str = "", now: datetime | None = None) -> Path:
-    """Create the folder of a new run; raises BadInput if it cannot be written.
+    """Create the folder of a new run; raises BadInput if it cannot be written, or if a running fleet uses it.
 
     It is ``report`` if given, else ``<time>-<fleet>`` in ``runs``, by default in the user's folder of runs. Files of an
     earlier run in ``report`` are removed, so that they are not mistaken for this run's. Links are not followed: other
@@ -63,6 +63,8 @@ def make_run_folder(fleet: str, report: str = "", runs: str = "", now: datetime 
     """
     moment = f"{now or datetime.now():%Y%m%d-%H%M%S}-{fleet}"
     path = Path(report).absolute() if report else _unused((Path(runs).absolute() if runs else runs_folder()) / moment)
+    if report:
+        _check_no_fleet_uses(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
         for name in ("logs", BAG_FOLDER):
@@ -82,6 +84,20 @@ def make_run_folder(fleet: str, report: str = "", runs: str = "", now: datetime 
             f"the folder {path} cannot be written: {error.strerror}; choose one with --report or --runs"
         ) from None
     return path
+
+
+def _check_no_fleet_uses(path: Path) -> None:
+    """Raise BadInput if a running fleet of this user writes its results to the folder."""
+    for each in running_fleets():
+        try:
+            used = path.samefile(each.folder)
+        except OSError:  # one of them does not exist
+            continue
+        if used:
+            raise BadInput(
+                f"the running fleet {each.fleet} (supervisor {each.pid}, since {each.started}) writes its results to "
+                f"{path}: stop it with ./elea down --port {each.port}, or choose another folder with --report"
+            )
 
 
 def check_free_space(path: Path) -> None:

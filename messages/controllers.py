@@ -30,8 +30,8 @@ class ListControllersResponse(Message, frozen=True, kw_only=True):
 
 
 class SwitchController(Message, frozen=True, kw_only=True):
-    """Controllers to start and to stop, all at one tick. ``strictness`` 1 (best effort) skips those that cannot be
-    switched; with any other value (strict, 2) nothing is switched then."""
+    """Controllers to start and to stop, all at one tick. ``strictness`` 1 or 0 (best effort) skips those that
+    cannot be switched; with any other value (strict, 2) nothing is switched then."""
 
     ROS_TYPE: ClassVar[str] = "controller_manager_msgs/SwitchController"
     start_controllers: Names = ()

@@ -85,7 +85,7 @@ class GoalStatus(Message, frozen=True, kw_only=True):
 
 
 class BaseStatus(Message, frozen=True, kw_only=True):
-    """Accepted and refused commands of a base; the counts run from spawn to delete.
+    """Accepted and refused commands of a base; the counts run from its spawn or the last reset of time.
 
     ``last_command`` is the simulation time of the newest accepted command. ``stopped_by`` names the nodes that hold its
     emergency stop.

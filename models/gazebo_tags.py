@@ -26,6 +26,7 @@ _STEP_RATE = 200.0
 """Physics steps per second; every period is a whole number of steps."""
 _LEAST_RATE = 1e-6
 """Minimum rate [Hz]: its period in steps is still a number."""
+_TOPIC_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 
 @dataclass(frozen=True)
@@ -321,9 +322,8 @@ class _Reader:
     def _diff_drive(self, plugin: UrdfElement, _: str) -> None:
         self._wheel_drive(plugin, self._joints(plugin, "left_joint"), self._joints(plugin, "right_joint"))
         sources = {"0": "encoder", "1": "world", "encoder": "encoder", "world": "world"}
-        source = self._text(plugin, "odometry_source")
-        if source:
-            self._found["odometry"] = sources.get(source, "encoder")
+        # The default of the plugin is the true pose.
+        self._found["odometry"] = sources.get(self._text(plugin, "odometry_source"), "world")
         self._odometry(plugin)
         self._ignore_unread(plugin)
 
@@ -734,7 +734,7 @@ class _Reader:
 
     def _alias(self, ours: str, topic: str) -> None:
         topic = re.sub("/+", "/", topic.strip().removeprefix("~")).strip("/")
-        if topic and topic != ours and not topic.startswith("__") and re.fullmatch(r"[A-Za-z_][\w/]*", topic):
+        if topic != ours and not topic.startswith("__") and _TOPIC_NAME.fullmatch(topic):
             self._topics[ours] = topic
 
     def _joints(self, plugin: UrdfElement, *names: str) -> tuple[str, ...]:

@@ -22,7 +22,8 @@ _MOST_LISTED = 500
 
 def find_resource(uri: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path:
     """Find the file or folder that a URI in ``source`` refers to; raises BadInput, FileMissing if it does not exist."""
-    uri = unquote(uri.strip())
+    # Gazebo ignores further slashes before the name of a model.
+    uri = re.sub(r"^(model|package):/{3,}", r"\1://", unquote(uri.strip()))
     scheme, _, rest = uri.partition("://")
     missing = None
     if scheme == "file" and not rest.startswith("/"):

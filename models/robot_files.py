@@ -27,7 +27,7 @@ from models.shapes import read_shapes
 from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
-FORMAT = "16"
+FORMAT = "17"
 """Format version; increased when the same robot would produce other files."""
 MAX_MODEL_TOML = 1 << 20
 """Maximum size of a ``model.toml`` [bytes]."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
@@ -15,7 +15,7 @@ from typing import NoReturn
 import numpy as np
 
 from messages.errors import BadInput
-from messages.se3 import IDENTITY, Pose3, Vector, quaternion_from_rpy
+from messages.se3 import IDENTITY, Pose3, Vector, quaternion_from_rpy, rotate, rotate_inverse
 from models.bodies import (
     GREY,
     GROUND_NAME,
@@ -125,23 +125,58 @@ def read_sdf_model(
         packages: Folders in which ``model://`` and ``package://`` are searched for.
         access: The files it may refer to.
     """
-    element = _only_model(text, (folder or Path()) / "model.sdf")
-    return _Reader(packages, access).whole_model(element)
+    root, element = _only_model(text, (folder or Path()) / "model.sdf")
+    return _Reader(packages, access).whole_model(element, _has_axes_of_model(root))
 
 
 def read_sdf_pose(text: str) -> Pose3:
     """Return the pose of the model in a text, without reading other files; raises BadWorld."""
-    element = _only_model(text, Path("model.sdf"))
+    _, element = _only_model(text, Path("model.sdf"))
     return _Frames(_Reader(()), element).own_pose
 
 
-def _only_model(text: str, where: Path) -> SdfElement:
+def _only_model(text: str, where: Path) -> tuple[SdfElement, SdfElement]:
+    """Return the root of a text and its model."""
     root = parse_sdf(text, where)
     worlds = [each for each in root.children if each.tag == "world"]
     models = [each for top in (root, *worlds) for each in top.children if each.tag == "model"]
     if len(models) != 1:
         raise BadWorld(f"{where}:{root.line}: the text has {len(models)} models, not one")
-    return models[0]
+    return root, models[0]
+
+
+def _has_axes_of_model(root: SdfElement) -> bool:
+    """Whether the axes of joints are in the frame of the model, as before version 1.5, and not in that of the joint."""
+    version = re.fullmatch(r"(\d{1,9})\.(\d{1,9})", root.attributes.get("version", ""))
+    return version is not None and (int(version[1]), int(version[2])) < (1, 5)
+
+
+def _saved_poses(world: SdfElement) -> dict[str, SdfElement]:
+    """Return the poses of models in the first ``<state>`` by name; Gazebo saves there where a model was moved to."""
+    state = world.find("state")
+    found: dict[str, SdfElement] = {}
+    for model in state.children if state is not None else ():
+        pose = model.find("pose")
+        if model.tag == "model" and pose is not None and _is_finite_pose(pose.text):
+            found[model.attributes.get("name", "")] = pose
+    return found
+
+
+def _is_finite_pose(text: str) -> bool:
+    try:
+        values = [float(each) for each in text.split()]
+    except ValueError:
+        return False
+    return len(values) == 6 and all(map(math.isfinite, values))
+
+
+def _with_saved_pose(element: SdfElement, poses: Mapping[str, SdfElement]) -> SdfElement:
+    """Return an element of a world, with its saved pose in place of its own if it is a model that has one."""
+    named = element.find("name") if element.tag == "include" else None
+    name = named.text if named is not None else element.attributes.get("name", "")
+    if element.tag not in ("model", "include") or name not in poses:
+        return element
+    return replace(element, children=[poses[name], *(each for each in element.children if each.tag != "pose")])
 
 
 class _Reader:
@@ -165,9 +200,10 @@ class _Reader:
         if len(worlds) > 1:
             self._note(worlds[1], "a file's second world is left out")
         top = worlds[0] if worlds else root
-        frames = _Frames(self, top)
+        frames, saved = _Frames(self, top), _saved_poses(top)
         bodies: list[WorldBody] = []
-        for child in top.children:
+        for each in top.children:
+            child = _with_saved_pose(each, saved)
             if child.tag in ("model", "include") and self._is_out_of_reach(child):
                 continue
             match child.tag:
@@ -220,8 +256,8 @@ class _Reader:
                     self._unknown(child)
         yield from self._bodies(element, name, pose, links, stands)
 
-    def whole_model(self, element: SdfElement) -> SdfModel:
-        """Return a model with its joints."""
+    def whole_model(self, element: SdfElement, axes_of_model: bool) -> SdfModel:
+        """Return a model with its joints, whose axes are by default in the frame of the model or in their own."""
         frames = _Frames(self, element)
         stands = self._flag(element, "static", False)
         links: list[SdfLink] = []
@@ -234,7 +270,7 @@ class _Reader:
                 links.append(made)
                 tags += [(made.name, each) for each in child.children if each.tag in ("sensor", "plugin")]
             elif child.tag == "joint":
-                joints.append(self._joint(child, frames))
+                joints.append(self._joint(child, frames, axes_of_model))
             elif child.tag == "plugin":
                 tags.append(("", child))
         for child in inner:
@@ -266,7 +302,7 @@ class _Reader:
                 body.friction,
             )
 
-    def _joint(self, element: SdfElement, frames: _Frames) -> SdfJoint:
+    def _joint(self, element: SdfElement, frames: _Frames, axis_of_model: bool) -> SdfJoint:
         kind = element.attributes.get("type", "fixed")
         parent, child = ("" if (each := element.find(tag)) is None else each.text for tag in ("parent", "child"))
         if not child or not parent:
@@ -277,13 +313,14 @@ class _Reader:
         def number(owner: SdfElement | None, tag: str, default: float) -> float:
             return default if owner is None else self._number(owner, tag, default, most=1e300)
 
+        pose = frames.joint_pose(element, child)
         return SdfJoint(
             name=element.attributes.get("name", f"{parent}_{child}"),
             kind=kind,
             parent=parent,
             child=child,
-            pose=frames.joint_pose(element, child),
-            axis=(0.0, 0.0, 1.0) if axis is None else self._vector(axis, "xyz", (0.0, 0.0, 1.0)),
+            pose=pose,
+            axis=(0.0, 0.0, 1.0) if axis is None else self._axis(axis, frames, pose, axis_of_model),
             lower=number(limit, "lower", -1e16),
             upper=number(limit, "upper", 1e16),
             effort=number(limit, "effort", -1.0),
@@ -291,6 +328,20 @@ class _Reader:
             damping=number(dynamics, "damping", 0.0),
             friction=number(dynamics, "friction", 0.0),
         )
+
+    def _axis(self, axis: SdfElement, frames: _Frames, pose: Pose3, of_model: bool) -> Vector:
+        """Return the direction of an axis in the frame of its joint, whose pose in the model is given.
+
+        ``of_model`` says whether a direction is in the frame of the model if it states no frame.
+        """
+        direction, stated = self._vector(axis, "xyz", (0.0, 0.0, 1.0)), axis.find("xyz")
+        if stated is None or not stated.text:
+            return direction
+        if frame := stated.attributes.get("expressed_in"):
+            return rotate_inverse(pose.orientation, rotate(frames.frame_pose(frame, stated).orientation, direction))
+        if self._flag(axis, "use_parent_model_frame", of_model):
+            return rotate_inverse(pose.orientation, direction)
+        return direction
 
     def _bodies(
         self, element: SdfElement, name: str, pose: Pose3, links: list[SdfLink], stands: bool
@@ -300,7 +351,8 @@ class _Reader:
         jointed = [each for each in joints if each.attributes.get("type") != "fixed"]
         if jointed and not stands:
             self._note(jointed[0], f"the model {name!r} has movable joints: it is simulated as one fixed body")
-        if stands or jointed:
+        ends = [end for each in joints for end in (each.find("parent"), each.find("child"))]
+        if stands or jointed or any(end is not None and end.text == "world" for end in ends):
             parts = tuple(replace(part, pose=link.pose @ part.pose) for link in links for part in link.parts)
             if parts:
                 yield WorldBody(name, parts, pose, friction=links[0].friction)
@@ -693,6 +745,17 @@ class _Frames:
         under = self.pose_of(self._named[base])
         self._seen.pop()
         return under
+
+    def frame_pose(self, name: str, where: SdfElement) -> Pose3:
+        """Return the pose of a frame in the frame of its owner; an unknown one, used at ``where``, is noted."""
+        if name in ("__model__", "world"):
+            return IDENTITY
+        found = self._named.get(name)
+        if found is None:
+            self._reader._note(where, f"there is no frame {name!r} in this {self._kind}: the {self._kind}'s is used")
+            return IDENTITY
+        child = found.find("child") if found.tag == "joint" else None
+        return self.pose_of(found) if child is None else self.joint_pose(found, child.text)
 
     def joint_pose(self, joint: SdfElement, child: str) -> Pose3:
         """Return the pose of a joint in the frame of its owner; by default it is stated in the frame of its child."""

@@ -94,7 +94,7 @@ def _split(text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
             chunk = "\n".join(lines[start:end])
             try:
                 parsed = tomllib.loads(chunk)
-            except tomllib.TOMLDecodeError:
+            except ValueError:
                 continue
             if parsed:
                 yield start + 1, chunk, parsed

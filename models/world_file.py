@@ -210,14 +210,15 @@ def check_world(world: WorldDescription, where: str) -> WorldDescription:
 
 
 def _read_toml(path: Path) -> WorldDescription:
+    content = read_limited(path, MAX_BYTES, "a world")
     try:
-        text = read_limited(path, MAX_BYTES, "a world").decode()
+        text = content.decode()
         tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        raise BadWorld(f"{path}:{found[1] if found else 1}: this is not TOML: {error}") from None
     except UnicodeDecodeError as error:
         raise BadWorld(f"{path}: this is not UTF-8: {error}") from None
+    except ValueError as error:
+        found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        raise BadWorld(f"{path}:{found[1] if found else 1}: this is not TOML: {error}") from None
     except RecursionError:
         raise BadWorld(f"{path}: this TOML is nested too deeply") from None
     _check_counts(path, tree)

@@ -57,7 +57,7 @@ def read_parameter_file(path: Path, form: Format) -> dict[str, Any]:
         return read_table(text, str(path))
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise BadInput(f"{path}: {error}") from None
 
 

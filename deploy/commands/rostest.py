@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import click
 
+from deploy import INTERRUPTED
 from deploy.fleet import MODES
 
 
@@ -38,12 +40,15 @@ def command(words: tuple[str, ...], xunit: str, runs: str, text: bool, **options
         raise BadInput(f"{path} has no <test>")
     folder = Path(xunit).absolute() if xunit else None
     if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"--xunit: the folder {folder} cannot be made: {error.strerror}") from None
     failed = []
     for test in tests:
-        report_option = f" --gtest_output=xml:{folder / f'{test.name}.xml'}" if folder is not None else ""
+        output = "" if folder is None else shlex.quote(f"--gtest_output=xml:{folder / f'{test.name}.xml'}")
         launch = read_launch(path, arguments, packages)
-        made = fleet_of_launch(launch, packages, replace(test, args=f"{test.args}{report_option}"))
+        made = fleet_of_launch(launch, packages, replace(test, args=f"{test.args} {output}".rstrip()))
         for note in made.notes:
             sys.stderr.write(f"{note}\n")
         failure = _run(checked_fleet(path, made), {**options, "factor": None, "duration": None}, runs)
@@ -57,7 +62,7 @@ def command(words: tuple[str, ...], xunit: str, runs: str, text: bool, **options
 
 
 def _run(fleet: Any, options: dict[str, Any], runs: str) -> str | None:
-    """Run the fleet of a test; return why it failed, None if it passed."""
+    """Run the fleet of a test; return why it failed, None if it passed. An interrupt ends the command."""
     from deploy.commands.up import override_run
     from deploy.progress import open_display
     from deploy.run_fleet import run_fleet
@@ -73,5 +78,7 @@ def _run(fleet: Any, options: dict[str, Any], runs: str) -> str | None:
             return None
         case "graded":
             return f"not finished within {fleet.run.duration:g} s; logs in {folder / 'logs'}"
+        case "interrupted":
+            raise SystemExit(INTERRUPTED)
         case _:
             return f"{outcome.reason}; logs in {folder / 'logs'}"

@@ -55,6 +55,8 @@ R = TypeVar("R", bound="Message")
 
 TIMEOUT_S = 5.0
 """Default wall time for a request [s]."""
+STEP_TIMEOUT_S = 600.0
+"""That for steps, which are answered once all are taken: up to 5000 s of simulation time."""
 
 
 class SimulationClient:
@@ -92,14 +94,14 @@ class SimulationClient:
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
 
 
-def simulation_command(command: Callable[..., Any]) -> Callable[..., Any]:
+def simulation_command(command: Callable[..., Any], default_timeout: float = TIMEOUT_S) -> Callable[..., Any]:
     """Add ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``; the verb gets a SimulationClient."""
 
     @click.option(
         "--timeout",
         type=click.FloatRange(0, min_open=True),
-        default=TIMEOUT_S,
-        help="Wall time to wait for the answer, in seconds; 5 by default.",
+        default=default_timeout,
+        help=f"Wall time to wait for the answer, in seconds; {default_timeout:g} by default.",
     )
     @network_options
     @json_option
@@ -145,7 +147,7 @@ def resume(client: SimulationClient) -> None:
 
 @click.command("step")
 @click.argument("count", type=click.IntRange(1, 1_000_000), default=1)
-@simulation_command
+@functools.partial(simulation_command, default_timeout=STEP_TIMEOUT_S)
 def step(client: SimulationClient, count: int) -> None:
     """Run COUNT physics steps (1 by default) of 5 ms while time is paused."""
     from messages.requests import STEP

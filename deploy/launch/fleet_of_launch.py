@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import tomli_w
 
 from deploy.launch import known_nodes
-from deploy.launch.launch_file import Launch, LaunchNode, join_names
+from deploy.launch.launch_file import Launch, LaunchNode, find_parameter, join_names
 from deploy.launch.packages import STAND_INS, LaunchPackages
 from deploy.launch.robots import (
     Spawn,
@@ -26,7 +26,8 @@ from deploy.launch.robots import (
     read_spawn,
     robot_table,
 )
-from deploy.rosparam_tree import get_parameter, set_parameter
+from deploy.rosparam import DESCRIPTION
+from deploy.rosparam_tree import set_parameter
 from deploy.service_parameters import BUILTIN_SERVICES
 from models import WORLDS
 from models.robot_source import resolve_robot
@@ -38,8 +39,8 @@ from services.script.inspect_script import imported_modules, read_script
 WORLD_NAMES = (("turtlebot3_house", "house"), ("turtlebot3_stage", "arena"), ("turtlebot3_world", "arena"))
 """Worlds of ours that replace well-known ones whose files are missing."""
 
-RESERVED = (*BUILTIN_SERVICES, "supervisor")
-"""Names of nodes in the root namespace that every fleet has."""
+RESERVED = (*BUILTIN_SERVICES, "supervisor", "logger", "panel", "recorder")
+"""Names of nodes in the root namespace that fleets have: every fleet, or those with a viewer, a panel or a bag."""
 TERMINAL_MODULES = frozenset(
     ["termios", "tty", "curses", "pynput", "keyboard", "msvcrt", "readchar", "getch", "getkey"]
 )
@@ -107,6 +108,8 @@ class _FleetBuilder:
         self._services: list[dict[str, Any]] = []
         self._by_hand: list[str] = []
         self._tables: list[dict[str, Any]] = []
+        self._loaded_controllers: dict[str, list[str]] = {}
+        """The absolute names of the controllers that spawners load or start, by namespace."""
         self._spawns = [read_spawn(each, launch) for each in launch.nodes if is_spawn(each)]
         self._robots = [each for each in self._spawns if is_robot(each)]
         self._gazebo = [each for each in launch.nodes if known_nodes.is_gazebo(each)]
@@ -124,6 +127,9 @@ class _FleetBuilder:
         robots = self._tables = self._robot_tables()
         for node in launch.nodes:
             self._node(node)
+        for namespace in self._loaded_controllers:
+            if self._manager(namespace) is None:
+                launch.note(f"there is no controller manager in {namespace}, since its spawners start no controller")
         if robots:
             table["robot"] = robots
         if self._services:
@@ -147,17 +153,22 @@ class _FleetBuilder:
 
     def _robot_tables(self) -> list[dict[str, Any]]:
         single = len(self._robots) == 1
-        tables: list[dict[str, Any]] = []
-        for spawn in self._robots:
-            table = robot_table(spawn, self._launch, single, self._folders)
-            if any(each["namespace"] == table["namespace"] for each in tables):
+        made = [(spawn, *robot_table(spawn, self._launch, single, self._folders)) for spawn in self._robots]
+        tables = [table for _, table, _ in made]
+        moving = [table for _, table, moves in made if moves]
+        if not single and len(moving) == 1:
+            moving[0].setdefault("frame_prefix", "")  # the others are objects
+            made.sort(key=lambda each: not each[2])
+        taken: set[str] = set()
+        for spawn, table, _ in made:
+            if table["namespace"] in taken:
                 self._launch.note(
                     f"{spawn.node.where}: {table['name']} would share the topics in {table['namespace']} with "
                     f"another robot, so they are in /{table['name']} instead"
                 )
                 table["namespace"] = f"/{table['name']}"
-            tables.append(table)
-        if not single and any("frame_prefix" not in each for each in tables):
+            taken.add(table["namespace"])
+        if not single and len(moving) != 1 and any("frame_prefix" not in each for each in tables):
             self._launch.note(
                 "with several robots, each frame is prefixed with its robot's name, e.g. tb3_0/odom, to be unique"
             )
@@ -289,7 +300,7 @@ class _FleetBuilder:
         self._services.append(service)
 
     def _free_name(self, node: LaunchNode) -> str:
-        """Return a node's name; if every fleet has a node of this name, another one, to which private parameters are
+        """Return a node's name; if fleets have a node of this name, another one, to which private parameters are
         copied.
         """
         if node.namespace != "/" or node.name not in RESERVED:
@@ -297,7 +308,7 @@ class _FleetBuilder:
         name, tree = f"{node.name}_node", self._launch.parameters
         if node.name in tree:
             tree.setdefault(name, tree[node.name])
-        self._launch.note(f"{node.where}: every fleet has a node /{node.name}, so this one is /{name}")
+        self._launch.note(f"{node.where}: fleets have a node /{node.name} of their own, so this one is /{name}")
         return name
 
     def _once(self, service: dict[str, Any]) -> None:
@@ -337,7 +348,11 @@ class _FleetBuilder:
         self._add(node, "static_transform", known_nodes.static_transform(node))
 
     def _controllers(self, node: LaunchNode) -> None:
+        """Add a spawner's controllers to the controller manager of their namespace; those that it only loads can be
+        switched on there.
+        """
         words = node.words
+        stopped = "--stopped" in words or words[:1] == ["load"]
         names: list[str] = []
         namespace = node.namespace
         while words:
@@ -355,45 +370,83 @@ class _FleetBuilder:
             ):
                 names.append(word)
         driven = {key.rpartition("/")[2] for key, _ in diff_drive_controllers(self._launch.parameters, namespace)}
-        started = [
+        chosen = [
             each
             for each in names
             if each.rpartition("/")[2] not in driven and not self._is_broadcaster(namespace, each)
         ]
-        if not started:
+        if not chosen:
             return
-        owner = next(
-            (each for each in self._robots if namespace in (each.namespace, "/") or each.namespace == "/"), None
-        )
-        absolute = [join_names(namespace, name) for name in started]
-        file = next((each.file for each in self._launch.loaded if all(map(each.sets, absolute))), None)
-        config = str(file) if file is not None else self._inline_controllers(namespace, absolute)
-        if not config or owner is None:
-            why = "no robot is spawned" if owner is None else f"no <rosparam> configures {', '.join(started)}"
-            self._skip(node, why)
+        owner = self._owner(namespace)
+        if owner is None and (self._robots or self._gazebo):
+            self._skip(node, "no robot is spawned")
             return
-        table = self._tables[self._robots.index(owner)]
-        if table["namespace"] != namespace:
-            self._launch.note(f"{node.where}: the topics of {table['name']} are in {namespace}, as its controllers are")
-            table["namespace"] = namespace
-        parameters = {"config": config, "robot": table["name"], "controllers": started}
-        self._services.append(
-            {"kind": "controller_manager", "name": node.name, "namespace": namespace, "parameters": parameters}
-        )
+        loaded = [*self._loaded_controllers.get(namespace, ()), *(join_names(namespace, each) for each in chosen)]
+        config = self._controller_config(namespace, loaded)
+        if not config:
+            self._skip(node, f"no <rosparam> configures {', '.join(chosen)}")
+            return
+        self._loaded_controllers[namespace] = loaded
+        manager = self._manager(namespace)
+        if manager is not None:
+            manager["config"] = config
+        if stopped:
+            self._launch.note(f"{node.where}: {', '.join(chosen)}: not started, as stated; switch_controller can do it")
+        elif manager is not None:
+            manager["controllers"] += [each for each in chosen if each not in manager["controllers"]]
+        else:
+            self._add_manager(node, namespace, owner, config, chosen)
+
+    def _manager(self, namespace: str) -> dict[str, Any] | None:
+        """Return the parameters of the controller manager in a namespace; None if there is none."""
+        managers = [each for each in self._services if each["kind"] == "controller_manager"]
+        return next((each["parameters"] for each in managers if each["namespace"] == namespace), None)
+
+    def _owner(self, namespace: str) -> dict[str, Any] | None:
+        """Return the robot whose controllers are in a namespace: that with its topics there, else one of the root."""
+        own = next((each for each in self._tables if each["namespace"] == namespace), None)
+        spawned = zip(self._robots, self._tables, strict=True)
+        return own or next((table for each, table in spawned if "/" in (namespace, each.namespace)), None)
+
+    def _add_manager(
+        self, node: LaunchNode, namespace: str, owner: dict[str, Any] | None, config: str, controllers: list[str]
+    ) -> None:
+        """Add a controller manager, under its name in ROS, for a robot of this fleet or of the running one that it
+        joins.
+        """
+        if owner is not None and owner["namespace"] != namespace:
+            self._launch.note(f"{node.where}: the topics of {owner['name']} are in {namespace}, as its controllers are")
+            owner["namespace"] = namespace
+        robot = owner["name"] if owner is not None else namespace.strip("/").replace("/", "_") or "robot"
+        parameters = {"config": config, "robot": robot, "controllers": controllers}
+        self._services.append({"kind": "controller_manager", "namespace": namespace, "parameters": parameters})
+
+    def _controller_config(self, namespace: str, names: list[str]) -> str:
+        """Return the file that configures these controllers, if nothing else changes them, or else its content."""
+        compared = [*names, join_names(namespace, "gazebo_ros_control")]
+        for each in self._launch.loaded:
+            if all(map(each.sets, names)) and each.agrees(self._launch.parameters, compared):
+                return str(each.file)
+        return self._inline_controllers(namespace, names)
 
     def _inline_controllers(self, namespace: str, names: list[str]) -> str:
         """Return the parameters of these controllers as the content of a file; "" if one has no type there."""
         tree: dict[str, Any] = {}
-        for name in (*names, join_names(namespace, "gazebo_ros_control")):
-            try:
-                found = get_parameter(self._launch.parameters, name)
-            except KeyError:
-                found = None
+        for name in (*names, *self._joint_state_controllers(namespace), join_names(namespace, "gazebo_ros_control")):
+            found = find_parameter(self._launch.parameters, name)
             if isinstance(found, dict):
                 set_parameter(tree, name, found)
             if name in names and not (isinstance(found, dict) and "type" in found):
                 return ""
         return json.dumps(tree)
+
+    def _joint_state_controllers(self, namespace: str) -> list[str]:
+        """Return those configured in a namespace, whose rate is that of the joint states."""
+        here = find_parameter(self._launch.parameters, namespace)
+        tables = {name: each for name, each in here.items() if isinstance(each, dict)} if isinstance(here, dict) else {}
+        return [
+            join_names(namespace, name) for name, each in tables.items() if "joint_state" in str(each.get("type", ""))
+        ]
 
     def _is_broadcaster(self, namespace: str, name: str) -> bool:
         found = self._launch.search_parameter(namespace, name)
@@ -440,11 +493,13 @@ class _FleetBuilder:
         self._once({"kind": "panel"})
 
     def _descriptions(self) -> None:
-        """Add the robot descriptions that no robot of the fleet uses to the tree, if they can be expanded."""
-        spawned, files = {each.parameter for each in self._robots}, [each.source for each in self._robots]
+        """Add the robot descriptions that the fleet does not set itself to the tree, if they can be expanded."""
+        own = {join_names(each["namespace"], DESCRIPTION) for each in self._tables}
+        own |= {f"/{DESCRIPTION}"} if len(self._tables) == 1 else set()
+        spawned = {each.parameter for each in self._robots}
         scripts = any("/" in each["kind"] for each in self._services)
         for key, description in self._launch.descriptions.items():
-            if key in spawned or description in files or not scripts or not description.file.is_file():
+            if key in own or not (scripts or key in spawned) or not description.file.is_file():
                 continue
             try:
                 set_parameter(self._launch.parameters, key, description.text(self._folders))

@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from deploy.fleet import Fleet, RobotConfig
 from deploy.processes import ProcessSpec, plan_processes
 from deploy.restart_policy import Failed, Finished, Restart, decide_after_exit
-from deploy.rosparam import fleet_parameter_tree
+from deploy.rosparam import DESCRIPTION, fleet_parameter_tree
 from deploy.rosparam_tree import leaves
 from deploy.service_parameters import BUILTIN_SERVICES, RunOptions
 from messages.names import key as key_of
@@ -29,6 +29,7 @@ from services.runtime.errors import EleaError
 from services.runtime.fleet_instances import FleetInstance
 from services.runtime.network_address import NetworkAddress, fleet_router
 from services.runtime.process import PARENT, ROOT
+from services.sim.robot_names import robot_namespace
 
 ROSCORE = "roscore"
 """The fleet of ``roscore``; it is replaced by a launch file that starts a world."""
@@ -102,7 +103,10 @@ def _elea(*words: str) -> int:
 
 
 def _set_parameters(fleet: Fleet, address: NetworkAddress) -> None:
-    tree = fleet_parameter_tree(replace(fleet, robot=()))
+    tree = fleet_parameter_tree(fleet)
+    stated = DESCRIPTION in fleet.rosparam or any(robot_namespace(each) == "/" for each in fleet.robot)
+    if DESCRIPTION in tree and not stated and _models(address):
+        del tree[DESCRIPTION]  # that of the running robots stays
     if not tree:
         return
     from messages.requests import ROSPARAM_SET

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -87,11 +88,13 @@ class LoadedFile:
     def sets(self, name: str) -> bool:
         """Return whether it sets a parameter or a table of parameters, by its absolute name."""
         prefix = self.namespace.rstrip("/") + "/"
-        try:
-            get_parameter(self.tree, name.removeprefix(prefix))
-        except KeyError:
-            return False
-        return name.startswith(prefix)
+        return name.startswith(prefix) and find_parameter(self.tree, name.removeprefix(prefix)) is not None
+
+    def agrees(self, tree: Tree, names: Iterable[str]) -> bool:
+        """Return whether it and the whole tree have the same values under these absolute names."""
+        own: Tree = {}
+        set_parameter(own, self.namespace, self.tree)
+        return all(find_parameter(own, each) == find_parameter(tree, each) for each in names)
 
 
 @dataclass
@@ -156,11 +159,16 @@ class _Scope:
 
 
 def read_launch(path: Path, arguments: Mapping[str, str], packages: LaunchPackages) -> Launch:
-    """Read a launch file with the command line's arguments; raises BadInput, with file and line."""
+    """Read a launch file with the command line's arguments; raises BadInput, with file and line.
+
+    As in ROS, its names are in the namespace ``__ns``, else in that of ROS_NAMESPACE.
+    """
     launch = Launch(path)
     reader = _Reader(launch, packages)
-    reader.file(path, _Scope("/", [], [], []), dict(arguments), depth=0)
-    for name in arguments:
+    given = dict(arguments)
+    root = join_names("/", given.pop("__ns", os.environ.get("ROS_NAMESPACE", "")))
+    reader.file(path, _Scope(root, [], [], []), given, depth=0)
+    for name in given:
         if name not in reader.used:
             known = [each.name for each in declared_arguments(path)]
             launch.note(f"{name}:= is given, and {path.name} has no <arg> of this name{did_you_mean(name, known)}")
@@ -184,6 +192,14 @@ def declared_arguments(path: Path) -> list[Argument]:
         name = has.get("name", "")
         found.setdefault(name, Argument(name, has.get("default"), has.get("value"), has.get("doc", ""), each.where))
     return list(found.values())
+
+
+def find_parameter(tree: Tree, name: str) -> Any:
+    """Return the value or branch of an absolute name; None if there is none."""
+    try:
+        return get_parameter(tree, name)
+    except KeyError:
+        return None
 
 
 def join_names(namespace: str, name: str) -> str:
@@ -281,7 +297,11 @@ class _File:
                 self._include(element, scope)
             case "group":
                 self._check(element, {**_CONDITION, "ns": False, "clear_params": False})
+                places, arguments = dict(self._places), dict(self._arguments)
                 self.children(element, scope.inner(self._namespace(element, scope)))
+                self._places = places
+                self._arguments.clear()  # the substitutions share this dict
+                self._arguments.update(arguments)
             case "remap":
                 scope.remaps.append(self._remap(element))
             case "env":
@@ -374,11 +394,11 @@ class _File:
         self._set(join_names(namespace, name), value, where)
 
     def _value(self, element: LaunchElement, name: str) -> Any:
-        kind, where = self._get(element, "type", "auto"), element.where
+        kind, where = self._get(element, "type", "auto").strip().lower(), element.where
         if "binfile" in element.attributes:
             element.fail(f"<param> {name!r}: binfile is not supported: use textfile or value")
         if "value" in element.attributes:
-            return convert_value(self._get(element, "value"), kind, where)
+            return convert_value(self._get(element, "value").strip(), kind, where)
         if "command" in element.attributes:
             found = command_output(self._get(element, "command"), where)
         else:
@@ -389,9 +409,7 @@ class _File:
                 found = read_text(file)
             except BadInput as error:
                 element.fail(f"<param> {name!r}: {error}")
-        if isinstance(found, Description):
-            return found
-        return convert_value(found, kind, where) if kind == "yaml" else found
+        return found if isinstance(found, Description) else convert_value(found, kind, where)
 
     def _set(self, key: str, value: Any, where: str) -> None:
         if isinstance(value, Description):
@@ -425,16 +443,17 @@ class _File:
             except BadInput as error:
                 element.fail(f"<rosparam>: {error}")
             where = file
+        made = text
         if self._flag(element, "subst_value") or (
             not file and "$(" in text and "subst_value" not in element.attributes
         ):
-            text = self._resolve_lines(text, element)
-        value = read_parameters(text, where)
+            made = self._resolve_lines(text, element)
+        value = read_parameters(made, where)
         if value in (None, ""):
             return
         if not isinstance(value, dict) and key == space:
             element.fail(f"<rosparam> has a single value, {str(value)[:60]!r}: param names it")
-        if file and isinstance(value, dict):
+        if file and isinstance(value, dict) and made == text:
             self._launch.loaded.append(LoadedFile(key, Path(file), value))
         self._set(key, value, where)
 
@@ -486,7 +505,7 @@ class _File:
             type=self._get(element, "type").strip(),
             name=legal,
             namespace=namespace,
-            args=" ".join(self._get(element, "args").split()),
+            args=_arguments(self._get(element, "args")),
             where=element.where,
             remaps=tuple(dict(inside.remaps).items()),
             environment=tuple(dict(inside.environment).items()),
@@ -571,6 +590,11 @@ class _File:
                 self._launch.note(f"{element.where}: the include of {element.attributes['file']} is left out: {error}")
                 return True
         return False
+
+
+def _arguments(text: str) -> str:
+    """Return a node's arguments in one line, with the blanks that quotes or backslashes may protect."""
+    return re.sub(r"\s", " ", text).strip() if set(text) & set("'\"\\") else " ".join(text.split())
 
 
 def _clean(name: str) -> str:

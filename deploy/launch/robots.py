@@ -12,11 +12,12 @@ from typing import Any
 from deploy.launch.launch_file import Launch, LaunchNode, join_names
 from deploy.launch.launch_values import Description, description_of, read_text
 from deploy.rosparam_tree import Tree, get_parameter
-from models import MODELS
+from models import MODELS, urdf_path
 from models.angles import angle_fault
 from models.gazebo_tags import parse_gazebo_tags
 from models.model import WheelConfig, read_model
 from models.robot_source import resolve_robot, resolve_urdf_text
+from models.urdf import read_joint_limits
 from services.runtime.errors import BadInput, did_you_mean
 from services.runtime.parameters.validation import build
 from services.script.inspect_script import legal_node_name
@@ -141,8 +142,11 @@ def is_robot(spawn: Spawn) -> bool:
     return spawn.kind == "urdf" or bool(_known(spawn))
 
 
-def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path, ...]) -> dict[str, Any]:
-    """Return the table of a robot; a ``single`` one has frames without a prefix. Raises BadInput."""
+def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path, ...]) -> tuple[dict[str, Any], bool]:
+    """Return the table of a robot, and whether it can move: a table or a box, which also has a URDF, cannot.
+
+    A ``single`` robot has frames without a prefix. Raises BadInput.
+    """
     node, name = spawn.node, spawn.name
     model, arguments, display = _model(spawn, launch, packages)
     name = name or legal_node_name(display) or "robot"
@@ -162,7 +166,8 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
         launch.note(f"{node.where}: parts of the robot {name} cannot be read and are omitted: {faults[0]}{more}")
         table["model"] = made
         table.pop("xacro_args", None)
-    if read_model(made).has_base:
+    has_base = read_model(made).has_base
+    if has_base:
         parameters["cmd_vel_timeout"] = 0.0
         if model in MODELS and read_model(made).drifts:
             parameters["odometry"] = "world"  # as stated by its Gazebo plugin
@@ -179,6 +184,9 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
             if model in MODELS and (commands := _command_namespace(spawn, packages)) != namespace:
                 namespace = commands
                 launch.note(f"{node.where}: {name} listens to {namespace}/cmd_vel, the topic of its drive plugin")
+    elif model not in MODELS and namespace == "/" and (inner := _controllers_namespace(made)):
+        namespace = f"/{inner}"
+        launch.note(f"{node.where}: the topics of {name} are in {namespace}, the namespace of its gazebo_ros_control")
     table["namespace"] = namespace
     prefix = str(launch.search_parameter(spawn.namespace, "tf_prefix") or "").strip("/")
     if prefix or single:
@@ -186,7 +194,15 @@ def robot_table(spawn: Spawn, launch: Launch, single: bool, packages: tuple[Path
     pose = {axis: value for axis, value in spawn.pose.items() if value}
     joints = _start_positions(spawn, made, launch)
     table |= ({"pose": pose} if pose else {}) | ({"joints": joints} if joints else {})
-    return {**table, **({"parameters": parameters} if parameters else {})}
+    moves = has_base or bool(read_joint_limits(made))
+    return {**table, **({"parameters": parameters} if parameters else {})}, moves
+
+
+def _controllers_namespace(model: str) -> str:
+    """Return the namespace of gazebo_ros_control in a model's description; "" if it has none."""
+    path = urdf_path(model)
+    plugin = parse_gazebo_tags(read_text(path), path.name).ros_control
+    return plugin.namespace if plugin is not None else ""
 
 
 def _command_namespace(spawn: Spawn, packages: tuple[Path, ...]) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from deploy.launch import known_nodes
-from deploy.launch.launch_file import LaunchNode
+from deploy.launch.launch_file import LaunchNode, join_names
 from deploy.launch.launch_values import Description, command_output
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
@@ -21,6 +21,8 @@ from services.script.workspace import workspace_of
 def run_known_node(package: str, program: str, arguments: Sequence[str], port: int | None) -> bool:
     """Replace this process by the replacement of a node; return False without one, True if nothing needs to be done."""
     remaps = [each.partition(":=")[::2] for each in arguments if ":=" in each]
+    if (inherited := os.environ.get("ROS_NAMESPACE")) and "__ns" not in dict(remaps):
+        remaps.append(("__ns", inherited))
     words = [each for each in arguments if ":=" not in each]
     node = LaunchNode(package, program, program, "/", shlex.join(words), f"rosrun {package} {program}")
     network = ["--port", str(port)] if port is not None else []
@@ -50,7 +52,11 @@ def run_known_node(package: str, program: str, arguments: Sequence[str], port: i
         sys.stderr.write(f"{node.what} has nothing to do here: {known_nodes.PUBLISHED_BY_SIM}\n")
         return True
     if (command := known_nodes.lookup(known_nodes.KEYBOARDS, node)) is not None and command:
-        namespace = next((target.rpartition("/")[0] for origin, target in remaps if origin.strip("/") == "cmd_vel"), "")
+        own = dict(remaps).get("__ns", "")
+        namespace = next(
+            (target.rpartition("/")[0] for origin, target in remaps if origin.strip("/") == "cmd_vel"),
+            join_names("/", own) if own else "",
+        )
         _elea(["teleop", *network, *([namespace] if namespace else [])])
     if package in known_nodes.NOT_HERE:
         raise BadInput(f"{node.what} cannot be run: {known_nodes.NOT_HERE[package]}")

@@ -115,7 +115,7 @@ class Substitution:
             "dirname": lambda: str(self.folder),
         }
         try:
-            return eval(compile(expression.strip(), "<eval>", "eval"), {"__builtins__": {}}, names)
+            return eval(compile(expression.strip(), "<eval>", "eval"), {**names, "__builtins__": {}})
         except BadInput as error:
             raise BadInput(f"{where}: {error}") from None
         except Exception as error:  # noqa: BLE001 whatever the expression raises

@@ -137,7 +137,7 @@ def echo(address: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
         for _ in spin(live, listener.raw, left):
             for sample in listener.drain():
                 printer.show(sample, reader.read(sample))
-                if printer.shown == asked.count:
+                if asked.count and printer.shown == asked.count:
                     return 0
         if listener.lost:
             write_note(f"{listener.lost} messages were lost: they arrive faster than they can be printed")

@@ -167,11 +167,6 @@ def _send(
     sent, due, epoch, noted = 0, 0.0, clock.epoch, False
     for _ in spin(live, clock.raw):
         clock.update()
-        if simulated and clock.paused and not noted:
-            noted = True
-            write_note(
-                "simulation time is paused, so nothing is published (use --wall-time to publish by the wall clock)"
-            )
         if clock.epoch != epoch:
             due, epoch = 0.0, clock.epoch
         while not live.stopping and not (asked.count and sent >= asked.count):
@@ -191,6 +186,11 @@ def _send(
             due = due + period if sent > 1 and due + 5 * period > now else now + period
         if asked.count and sent >= asked.count:
             break
+        if simulated and clock.paused and rate and not noted:
+            noted = True
+            write_note(
+                "simulation time is paused, so no more is published (use --wall-time to publish by the wall clock)"
+            )
     return sent
 
 

@@ -22,7 +22,7 @@ from services.runtime.network_address import NetworkAddress
 from services.runtime.subscriber import Subscriber
 from services.runtime.tf.buffer import LookupResult, TransformBuffer
 from services.runtime.tf.listener import add_moving, add_static
-from services.runtime.transport.wire import NODE_BYTES, member_id
+from services.runtime.transport.wire import NODE_BYTES, SampleInfo, member_id
 
 RATE_WINDOW = 256
 """Number of a frame's last stamps from which its rate is computed."""
@@ -49,6 +49,7 @@ class TfMonitor:
             self.stamps.clear()
         self._static.update()
         self.dynamic.update()
+        self.dynamic.messages = [each for each in self.dynamic.messages if not self._is_from_before_reset(*each)]
         add_moving(self.buffer, self.dynamic)
         add_static(self.buffer, self._static)
         for message, _ in self.dynamic.messages:
@@ -88,6 +89,16 @@ class TfMonitor:
             if source.refused:
                 problems.append(f"{source.name}: {source.refused} messages refused, the last one: {source.reason}")
         return problems
+
+    def _is_from_before_reset(self, message: TFMessage, origin: SampleInfo | None) -> bool:
+        """Return whether transforms that arrived after the first clock of this epoch are of the epoch before.
+
+        The first transforms of an epoch are sent before its first clock, too, but their stamps are not ahead of it.
+        """
+        now = self.clock.now
+        if origin is None or now is None or origin.source_ns >= self.clock.since:
+            return False
+        return any(each.header.stamp.ns > now for each in message.transforms)
 
     def _subscribe(self, topic: Topic[TFMessage]) -> Subscriber[Any]:
         made = Subscriber(topic, topic.name, topic.name[1:], self._live.transport)

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import msgspec
@@ -152,6 +152,8 @@ class Sweep:
                 env={**os.environ, SWEEP: str(os.getpid())},
             )
         self._running.add(process)
+        if self.interrupted:  # while the process was being started
+            _signal(process, signal.SIGINT)
         try:
             status = await process.wait()
         finally:
@@ -167,12 +169,18 @@ class Sweep:
         number = signal.SIGKILL if self.interrupted else signal.SIGINT
         self.interrupted = True
         for process in self._running:
-            process.send_signal(number)
+            _signal(process, number)
         asyncio.get_running_loop().call_later(_STOP_S, self._kill)
 
     def _kill(self) -> None:
         for process in self._running:
-            process.kill()
+            _signal(process, signal.SIGKILL)
+
+
+def _signal(process: asyncio.subprocess.Process, number: int) -> None:
+    """Send a signal to a process, which may just have ended."""
+    with suppress(ProcessLookupError):
+        process.send_signal(number)
 
 
 def _free_ports(count: int) -> list[int]:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-
 import msgspec
 
 from services.bag.channel import Channel
-from services.bag.reader import Bag, Timeline, is_sidecar, unplayable_reason
+from services.bag.reader import Bag, Timeline, is_sidecar, metadata_count, metadata_counts, unplayable_reason
 
 
 class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,7 +70,7 @@ class _TimeSpan:
 
 
 def bag_info(bag: Bag) -> BagInfo:
-    """Read and summarise the simulated bag; 100,000 messages take about half a second."""
+    """Read and summarise the whole bag; 100,000 messages take about half a second."""
     spans: dict[Channel, _TimeSpan] = {}
     simulated, wall, timeline = _TimeSpan(), _TimeSpan(), Timeline()
     start: int | None = None
@@ -97,7 +94,7 @@ def bag_info(bag: Bag) -> BagInfo:
         files=tuple(FileInfo(name=each.name, bytes=each.stat().st_size) for each in bag.files),
         troubles=tuple(bag.problems),
         lost=lost_messages(bag),
-        unwritten=_metadata_int(bag.metadata, "unwritten"),
+        unwritten=metadata_count(bag.metadata, "unwritten"),
     )
 
 
@@ -115,18 +112,6 @@ def _topic(channel: Channel, span: _TimeSpan) -> TopicInfo:
     )
 
 
-def _metadata_int(notes: Mapping[str, str], name: str) -> int:
-    text = notes.get(name, "")
-    return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 0
-
-
 def lost_messages(bag: Bag) -> dict[str, int]:
     """Return the number of messages that did not reach the recorder, by topic."""
-    return _metadata_counts(bag.metadata, "lost")
-
-
-def _metadata_counts(notes: Mapping[str, str], name: str) -> dict[str, int]:
-    try:
-        return msgspec.convert(json.loads(notes.get(name, "{}")), dict[str, int])
-    except (ValueError, RecursionError):
-        return {}
+    return metadata_counts(bag.metadata, "lost")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from messages.base import Message, WrongPayload
+import msgspec
+
+from messages.base import Count, Message, WrongPayload, saturating_add
 from messages.cdr.definitions import parse
 from messages.cdr.read import plain_reader, record_reader
 from messages.cdr.sidecar import EXTRAS, ROS_RECORDS, join
@@ -116,7 +119,35 @@ class Bag:
                 self.from_elea = self.from_elea and scan.from_elea
                 yield Entry(scan.channels[message.channel], *message[1:])
             self.problems += scan.problems
-            self.metadata |= scan.metadata
+            self.metadata = _merged(self.metadata, scan.metadata)
+
+
+def metadata_count(notes: Mapping[str, str], name: str) -> int:
+    """Return a number in a bag's metadata; 0 without a valid one."""
+    text = notes.get(name, "")
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 0
+
+
+def metadata_counts(notes: Mapping[str, str], name: str) -> dict[str, int]:
+    """Return the counts by topic in a bag's metadata; none without valid ones."""
+    try:
+        return msgspec.convert(json.loads(notes.get(name, "{}")), dict[str, Count])
+    except (ValueError, RecursionError):
+        return {}
+
+
+def _merged(known: dict[str, str], more: dict[str, str]) -> dict[str, str]:
+    """Return the metadata of several files: a recording that was resumed has counts in the last file of each session,
+    which are added; of everything else the last one counts."""
+    made = known | more
+    for name in known.keys() & more.keys() & {"lost", "unfit"}:
+        counts = metadata_counts(known, name)
+        for topic, count in metadata_counts(more, name).items():
+            counts[topic] = saturating_add(counts.get(topic, 0), count)
+        made[name] = json.dumps(counts)
+    if "unwritten" in known and "unwritten" in more:
+        made["unwritten"] = str(saturating_add(metadata_count(known, "unwritten"), metadata_count(more, "unwritten")))
+    return made
 
 
 def open_bag(path: Path) -> Bag:

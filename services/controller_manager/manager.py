@@ -16,8 +16,9 @@ from services.controller_manager.joint_pid import JointPid, PidParameters
 from services.controller_manager.trajectory_controller import TrajectoryController
 from services.runtime.errors import BadInput, unknown_name
 
-BEST_EFFORT = 1
-"""``strictness`` of a switch that skips what cannot be switched; with any other value nothing is switched then."""
+BEST_EFFORT = 0, 1
+"""``strictness`` of a switch that skips what cannot be switched; with any other value nothing is switched then. As in
+ROS, 0, the value of a request that does not set it, is best effort."""
 
 State = Literal["initialized", "running", "stopped"]
 
@@ -85,7 +86,7 @@ class ControllerManager:
 
     def switch_controller(self, request: SwitchController, now: int = 0) -> SwitchControllerResponse:
         """Stop some controllers and start others; raises BadInput, with nothing changed, if that is impossible."""
-        best_effort = request.strictness == BEST_EFFORT
+        best_effort = request.strictness in BEST_EFFORT
         for name in (*request.start_controllers, *request.stop_controllers):
             if not best_effort:
                 self._check_name(name)

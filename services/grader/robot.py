@@ -185,7 +185,7 @@ class RobotMeter:
         self._pending.append(message)
 
     def add_base_status(self, status: BaseStatus) -> None:
-        """Set the state of the base, whose counts start at spawning."""
+        """Set the state of the base, whose counts start at spawning or at the last reset of time."""
         self._base = status
         self.stops.add_status(status)
 

@@ -122,12 +122,14 @@ class DisplayScene:
             self._log(_entity(topic, *place), end, rr.Clear(recursive=False))
 
     def _draw(self, topic: str, marker: Marker, now: int) -> None:
+        entity = _entity(topic, marker.ns, marker.id)
         try:
             shape = marker_shape(marker, self._frame(marker.header) @ Pose3.from_msg(marker.pose))
         except BadInput as error:
+            if entity in self._placed:  # the marker that this one replaces
+                self._log(entity, now, rr.Clear(recursive=False))
             self._report(topic, str(error))
             return
-        entity = _entity(topic, marker.ns, marker.id)
         if entity not in self._placed:
             self._placed.add(entity)
             self._log(entity, None, rr.CoordinateFrame("world"))  # static: outlives a deletion of the marker
@@ -172,13 +174,20 @@ class DisplayScene:
         self._log(f"{entity}/name", now, label)
 
     def _add_image(self, topic: str, image: Image, now: int) -> None:
-        model, channels = _FORMATS.get(image.encoding), image.step // image.width if image.width else 0
-        if model is None or channels != len(model.name):
+        model = _FORMATS.get(image.encoding)
+        if model is None:
             self._report(
                 topic, f"images with encoding {image.encoding[:40]!r} are not supported (known: {', '.join(_FORMATS)})"
             )
             return
-        pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, channels)
+        channels = len(model.name)
+        if not image.width or image.step < image.width * channels:
+            self._report(
+                topic, f"rows of {image.step} bytes are too short for {image.width} pixels in {image.encoding}"
+            )
+            return
+        rows = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)[:, : image.width * channels]
+        pixels = rows.reshape(image.height, image.width, channels)
         entity = entity_paths.image(topic)
         self.images[topic] = entity
         self._log(entity, now, rr.Image(pixels, color_model=model))

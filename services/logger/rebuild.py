@@ -28,6 +28,7 @@ from messages.topics import (
     PLAN,
     SCAN,
     STATUS,
+    TF,
     TF_STATIC,
     WORLD_MARKERS,
 )
@@ -61,10 +62,12 @@ class RecordingBuilder:
         names = [(self._names[namespace], model) for namespace, model in robots]
         self._recording = Recording(file, names, extent, warn)
         self._frames = TransformBuffer()
+        self._display_frames = TransformBuffer()
+        """The moving frames as well, in which displays are drawn."""
         self._columns = {namespace: RobotColumns(frames=self._frames) for namespace, _ in robots}
         arms = [namespace for namespace, model in robots if not read_model(model).has_base]
         self._arm = self._columns[arms[0]] if len(arms) == 1 else None
-        self._displays = DisplayScene(self._recording.log_at, partial(pose_in_world, self._frames), warn)
+        self._displays = DisplayScene(self._recording.log_at, partial(pose_in_world, self._display_frames), warn)
         self._lines: list[Log] = []
         self._world_states: list[WorldStates] = []
         self._due, self._epoch, self._last = 0, -1, 0
@@ -97,6 +100,9 @@ class RecordingBuilder:
         elif isinstance(message, TFMessage):
             if topic == TF_STATIC.name:
                 self._frames.add_static(message.transforms, b"")
+                self._display_frames.add_static(message.transforms, b"")
+            elif topic == TF.name:
+                self._display_frames.add(message.transforms, b"")
         elif isinstance(message, JointControllerState):
             if self._arm is not None:
                 self._arm.add_control([message])
@@ -118,6 +124,7 @@ class RecordingBuilder:
         if self._epoch not in (-1, clock.epoch):
             self._flush(last=True)
             self._recording.restart()
+            self._display_frames.clear()
             self._displays.restart()
             self._due = 0
             for columns in self._columns.values():

@@ -28,6 +28,7 @@ from messages.topics import (
 from services.logger import LoggerParameters
 from services.logger.columns import RobotColumns
 from services.logger.display_scene import SHOWN, DisplayScene
+from services.markers.displays import DISPLAYED
 from services.runtime.context import Context
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.subscriber import Subscriber
@@ -100,7 +101,10 @@ class RobotSubscriptions:
 
 class DisplaySubscriptions:
     """Subscribes to all topics that can be displayed and are not published by the simulation; ``own`` are topics of
-    robots, which are displayed differently."""
+    robots, which are displayed differently.
+
+    ``/tf`` is subscribed to once one of them may need it: the simulation computes it only for subscribers.
+    """
 
     def __init__(self, ctx: Context[Any], own: Collection[str]) -> None:
         self._ctx, self._own = ctx, {WORLD_MARKERS.name, *own}
@@ -108,7 +112,6 @@ class DisplaySubscriptions:
         self._tokens: dict[str, Entity] = {}
         self._subscribers: dict[tuple[str, str], Subscriber[Any]] = {}
         self._frames: TransformListener = ctx.transforms(moving=False)
-        self._moving = False
 
     def frame(self, header: Header) -> Pose3:
         """Return the pose of a frame in the world; the identity if no transform connects it with the world."""
@@ -137,8 +140,8 @@ class DisplaySubscriptions:
 
     def _reconcile(self, scene: DisplayScene, now: int) -> None:
         found = [each for each in self._tokens.values() if each.name not in self._own]
-        if not self._moving and any(each.name == TF.name for each in found):
-            self._moving, self._frames = True, self._ctx.transforms()
+        if any(each.name == TF.name or each.record in DISPLAYED for each in found):
+            self._frames.read_moving()
         wanted = {(each.name, each.record): each.detail for each in found if each.record in SHOWN}
         for place in [each for each in self._subscribers if each not in wanted]:
             self._ctx.node.unregister(self._subscribers.pop(place))

@@ -137,8 +137,10 @@ class Hub:
         self._sent = {place: sent for place, sent in self._sent.items() if place[0] is not page}
 
     def _enable_channels(self) -> None:
-        """Enable the channels that any page shows, disable the others. Driving needs the clock even without a page."""
-        wanted = frozenset[str]({"clock"} if self.drive_controller.busy else ()).union(*self._wanted.values())
+        """Enable the channels that any page shows, disable the others. Driving, and the lifetimes of markers, need the
+        clock even without a page."""
+        timed = self.drive_controller.busy or self._markers.subscribed
+        wanted = frozenset[str]({"clock"} if timed else ()).union(*self._wanted.values())
         if wanted == self._enabled:
             return
         self._robots.set_enabled("poses" in wanted, "robots" in wanted)

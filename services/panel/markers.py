@@ -11,6 +11,7 @@ from messages.base import Message
 from messages.nav import OccupancyGrid
 from messages.se3 import Pose3
 from messages.sensor import LaserScan
+from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import GOAL_POSE, PLAN, SCAN, TF, TF_STATIC, WORLD_MARKERS
 from messages.visualization import Marker
@@ -80,6 +81,11 @@ class MarkerTracker:
         """Subscribe from now on; called when a page shows markers."""
         self._enabled = True
 
+    @property
+    def subscribed(self) -> bool:
+        """Whether any topic is subscribed to."""
+        return bool(self._subscriptions.topics())
+
     def update(self, now: float) -> None:
         """Update from the new messages; ``now`` is wall time [s]."""
         if not self._enabled:
@@ -90,8 +96,7 @@ class MarkerTracker:
         self._end_lifetimes()
         for message, _ in self._moving.messages(TF.name, TFMessage.ROS_TYPE):
             self._frames.add(message.transforms, b"")
-        for message, _ in self._moving.messages(TF_STATIC.name, TFMessage.ROS_TYPE):
-            self._frames.add_static(message.transforms, b"")
+        self._add_static([message for message, _ in self._moving.messages(TF_STATIC.name, TFMessage.ROS_TYPE)])
         for name, record in self._subscriptions.topics():
             messages = [message for message, _ in self._subscriptions.messages(name, record)]
             if record not in PERIODS_S:
@@ -104,9 +109,30 @@ class MarkerTracker:
                 self._due[name] = now + PERIODS_S[record]
                 self._add(name, self._held.pop(name))
 
+    def _add_static(self, messages: list[TFMessage]) -> None:
+        """Add static transforms, and redraw the markers in frames that they move: those drawn before are not sent
+        again."""
+        if not messages:
+            return
+        drawn = [
+            ((topic, *place), marker)
+            for topic, shown in self._sets.items()
+            for place, (_, marker) in shown.shown.items()
+        ]
+        frames = {marker.header.frame_id: Header(frame_id=marker.header.frame_id) for _, marker in drawn}
+        before = {name: pose_in_world(self._frames, header) for name, header in frames.items()}
+        for message in messages:
+            self._frames.add_static(message.transforms, b"")
+        moved = {name for name, header in frames.items() if pose_in_world(self._frames, header) != before[name]}
+        self.version += bool(moved)
+        for place, marker in drawn:
+            if marker.header.frame_id in moved:
+                self._draw(place, marker)
+
     def _end_lifetimes(self) -> None:
         if self._epoch != self._time.epoch:
             self._epoch = self._time.epoch
+            self._frames.clear()
             for shown in self._sets.values():
                 shown.restart()
         for topic, shown in self._sets.items():

@@ -18,10 +18,14 @@ from services.panel.pages import Page
 from services.panel.protocol import Samples, Subscribe, as_json, pack_samples
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
 from services.runtime.field_path import FieldPath, child, field_types, is_path, leaves, parse_path
+from services.runtime.transport.wire import SampleInfo
 
 LIST_PERIOD_S = 0.4
 """Wall time [s] between two lists of a topic's fields."""
 
+MAX_STAMP_OFFSET_NS = 365 * 24 * 3600 * 1_000_000_000
+"""A stamp that differs more from the last clock [ns] is wall time. The limit is wide: without pages no clock is read,
+and the last one may be hours old."""
 MAX_FIELDS = 600
 """Maximum listed leaves of a message."""
 MAX_ARRAY_ELEMENTS = 64
@@ -101,11 +105,17 @@ class Plots:
                     self._units[name, path] = field_unit(name, batch[-1][0], steps)
             lists = [(self._samples.setdefault((name, path), Samples()), steps) for path, steps in paths.items()]
             for message, origin in batch:
-                time = (stamp_of(message) or self._time.at(origin)) / 1e9
+                time = self._time_of(message, origin)
                 for samples, steps in lists:
                     value = read_number(message, steps)
                     if value is not None:
                         samples.add(time, value)
+
+    def _time_of(self, message: object, origin: SampleInfo | None) -> float:
+        """Return a sample's simulation time [s]: its stamp, or when it was sent if that is unset or foreign."""
+        stamp, sent = stamp_of(message) or 0, self._time.at(origin)
+        foreign = self._time.known and abs(stamp - sent) > MAX_STAMP_OFFSET_NS
+        return (sent if foreign or not stamp else stamp) / 1e9
 
     def _send_samples(self) -> None:
         bodies = {place: (len(samples), samples.encode()) for place, samples in self._samples.items() if len(samples)}

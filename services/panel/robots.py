@@ -61,7 +61,7 @@ MAX_ORIGINS = 4096
 
 
 class RobotTracker:
-    """The robots in the graph; ``version`` counts changes of their state, ``pose_version`` their new poses.
+    """The robots in the graph; ``version`` counts changes of their state, ``pose_version`` new poses and gone robots.
 
     ``frames`` has the static transforms, such as those of the lasers on their bases.
     """
@@ -126,6 +126,8 @@ class RobotTracker:
             if each.record == TurtlePose.ROS_TYPE and namespace and namespace not in found:
                 turtle = found[namespace] = self.by_namespace.get(namespace) or RobotState(namespace, turtle=True)
                 turtle.cmd_vel_type = drives.get(turtle.topic_name(CMD_VEL), "")
+        if any(name not in found for name in self.by_namespace):
+            self.pose_version += 1
         self.by_namespace = {name: found[name] for name in sorted(found, key=natural_order)}
         if not self._pose_received:  # before the first pose, robots of the fleet may still be missing
             self._palette = Palette(namespace.strip("/") for namespace in found)

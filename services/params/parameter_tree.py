@@ -21,7 +21,14 @@ from messages.rosparam import (
 )
 from messages.std import Bool, Empty
 from services.runtime.errors import BadInput, did_you_mean
-from services.runtime.parameters.tree import ParameterTree, checked_value, parse_json, same_value, value_to_json
+from services.runtime.parameters.tree import (
+    ParameterTree,
+    checked_value,
+    parse_json,
+    same_value,
+    split_key,
+    value_to_json,
+)
 
 MAX_WRITERS = 1000
 """Maximum nodes whose last change is remembered; the one idle for the longest time is forgotten."""
@@ -38,6 +45,8 @@ class _Change(NamedTuple):
     key: str
     value: Any
     deletes: bool
+    size: int
+    """Characters by which it makes the tree's JSON text longer, at most."""
 
 
 class ParameterTreeServer:
@@ -58,14 +67,16 @@ class ParameterTreeServer:
         self._dirty = True
         self._writers: dict[str, int] = {}
         self._queue: list[_Change] = []
+        self._queued_size = 0
 
     def set(self, asked: RosparamSet) -> Done:
         """Set a value or branch; raises BadInput."""
         value = checked_value(asked.key, parse_json(asked.key, asked.value))
         if asked.key.strip("/") == "" and not isinstance(value, dict):
             raise BadInput("/: the root of the tree must be a map of names to values")
-        self._check_room(asked.value)
-        return self._change(asked, value, f"{asked.key} is set", deletes=False)
+        size = _text_size(asked.key, value)
+        self._check_room(size)
+        return self._change(asked, value, f"{asked.key} is set", deletes=False, size=size)
 
     def delete(self, asked: RosparamDelete) -> Done:
         """Delete a value or branch; raises BadInput."""
@@ -100,6 +111,7 @@ class ParameterTreeServer:
         before = max(now, 1)
         due = sorted((each for each in self._queue if reset or each.time < before), key=lambda each: each[:3])
         self._queue = [] if reset else [each for each in self._queue if each.time >= before]
+        self._queued_size = sum(each.size for each in self._queue)
         for each in due:
             self._make(each)
         self.publish_changes()
@@ -118,14 +130,17 @@ class ParameterTreeServer:
             near = did_you_mean(key, self._tree.names())
             raise BadInput(f"there is no parameter {key}{near}") from None
 
-    def _change(self, asked: RosparamSet | RosparamDelete, value: Any, text: str, *, deletes: bool) -> Done:
-        change = _Change(asked.time or 0, asked.writer, asked.number, asked.key, value, deletes)
+    def _change(
+        self, asked: RosparamSet | RosparamDelete, value: Any, text: str, *, deletes: bool, size: int = 0
+    ) -> Done:
+        change = _Change(asked.time or 0, asked.writer, asked.number, asked.key, value, deletes, size)
         if asked.time is None:
             self._make(change)
         elif len(self._queue) >= MAX_QUEUED:
             raise BadInput(f"{MAX_QUEUED} parameter changes wait for the next tick: is the simulation paused?")
         else:
             self._queue.append(change)
+            self._queued_size += size
         return Done(text=text)
 
     def _make(self, change: _Change) -> None:
@@ -143,12 +158,20 @@ class ParameterTreeServer:
         self._revision += 1
         self._dirty = True
 
-    def _check_room(self, text: str) -> None:
-        """Raise BadInput if a value would make the tree too large to be published."""
-        if (size := self._tree.size() + len(text)) > MAX_TREE_BYTES:
+    def _check_room(self, more: int) -> None:
+        """Raise BadInput if ``more`` characters, after the waiting changes, would make the tree too large to be
+        published."""
+        if (size := self._tree.size() + self._queued_size + more) > MAX_TREE_BYTES:
             raise BadInput(
                 f"the parameter tree would have {size} characters, the limit is {MAX_TREE_BYTES}; nothing was changed"
             )
+
+
+def _text_size(key: str, value: Any) -> int:
+    """Return the characters that a value adds to the tree's JSON text, at most."""
+    for part in reversed(split_key(key)):
+        value = {part: value}
+    return len(value_to_json(value))
 
 
 def read_tree_file(file: str) -> ParameterTree:

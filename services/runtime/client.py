@@ -61,7 +61,7 @@ def connect(fleet: str = "", port: int | None = None, router: str = "", domain: 
     Raises:
         BadInput: No fleet is running, or several are and none is chosen.
     """
-    chosen = port_of_fleet(fleet, port) if fleet else port
+    chosen = port_of_fleet(fleet, port) if fleet and not router else port
     address = resolve_address(router, domain, chosen)
     folder = None if router or not running_fleets() else Path(select_fleet(chosen).folder)
     with ExitStack() as resources:

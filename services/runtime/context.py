@@ -39,16 +39,17 @@ class ServiceChecks:
         self, name: str, value: float | bool | None, least: float | None, most: float | None, reason: str
     ) -> tuple[Check, ...] | None:
         """State a check; returns all checks, or None if nothing has changed. Raises BadInput."""
+        value, least, most = map(_python_number, (value, least, most))
         if isinstance(value, bool):
             least = 1.0 if least is None and most is None else least
         if least is None and most is None:
             raise BadInput(f"the check {name!r} needs a bound: give min, max or both (a bool needs none)")
-        number = None if value is None or not math.isfinite(value) else float(value)
         try:
+            number = None if value is None or not math.isfinite(value) else float(value)
             made = msgspec.convert(
                 {"name": name, "value": number, "min": least, "max": most, "reason": reason}, Check, strict=True
             )
-        except msgspec.ValidationError as error:
+        except (msgspec.ValidationError, TypeError, OverflowError) as error:
             raise BadInput(f"the check {name!r} cannot be stated: {error}") from None
         if self._stated.get(name) == made:
             return None
@@ -63,6 +64,11 @@ class ServiceChecks:
         if known.value is None:
             return False
         return (known.min is None or known.value >= known.min) and (known.max is None or known.value <= known.max)
+
+
+def _python_number(value: Any) -> Any:
+    """Return a scalar of numpy as a number or bool of Python."""
+    return value.item() if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0 else value
 
 
 M = TypeVar("M", bound=Message)

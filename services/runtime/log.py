@@ -12,6 +12,8 @@ from messages.rosgraph import Log as LogLine
 from messages.std import Header, Time
 
 LEVELS = {"debug": DEBUG, "info": INFO, "warn": WARN, "error": ERROR, "fatal": FATAL}
+_LONGEST = 10_000
+"""Maximum characters of a line on /rosout, whose readers refuse a larger message; stderr has the whole line."""
 _NAMES = {value: name.upper() for name, value in LEVELS.items()}
 
 
@@ -19,6 +21,7 @@ class Log:
     """Writes ``[12.345] WARN /tb3_0/waypoint: text``; the time is simulation time.
 
     ``every`` [s of wall time] throttles one call site: lines in between are counted, and the next one shows how many.
+    A text may be any value, as for ``print``.
     """
 
     def __init__(self, node: str, level: str = "info", out: TextIO | None = None) -> None:
@@ -29,23 +32,23 @@ class Log:
         self._out = out
         self._sites: dict[tuple[str, int], tuple[float, int]] = {}
 
-    def debug(self, text: str, every: float = 0.0) -> None:
+    def debug(self, text: object, every: float = 0.0) -> None:
         """Log details for developers."""
         self._write(DEBUG, text, every)
 
-    def info(self, text: str, every: float = 0.0) -> None:
+    def info(self, text: object, every: float = 0.0) -> None:
         """Log normal progress."""
         self._write(INFO, text, every)
 
-    def warn(self, text: str, every: float = 0.0) -> None:
+    def warn(self, text: object, every: float = 0.0) -> None:
         """Log a problem with which the node can continue."""
         self._write(WARN, text, every)
 
-    def error(self, text: str, every: float = 0.0) -> None:
+    def error(self, text: object, every: float = 0.0) -> None:
         """Log a failure."""
         self._write(ERROR, text, every)
 
-    def _write(self, level: int, text: str, every: float) -> None:
+    def _write(self, level: int, text: object, every: float) -> None:
         if level < self._threshold:
             return
         frame = sys._getframe(2)
@@ -67,5 +70,19 @@ class Log:
             header = Header(stamp=Time.of(now))
             function = frame.f_code.co_name
             self.publish(
-                LogLine(header=header, level=level, name=self.node, msg=text, file=file, function=function, line=line)
+                LogLine(
+                    header=header,
+                    level=level,
+                    name=self.node,
+                    msg=_encodable(text),
+                    file=_encodable(file),
+                    function=function,
+                    line=line,
+                )
             )
+
+
+def _encodable(value: object) -> str:
+    """Return the text of any value for a message, without characters that UTF-8 lacks, and at most _LONGEST ones."""
+    text = str(value).encode(errors="replace").decode()
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"

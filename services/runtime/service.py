@@ -6,12 +6,15 @@ import importlib
 import runpy
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
+
+import msgspec
 
 from services.runtime.errors import BadInput, missing_file
 from services.runtime.parameters.base import Parameters
@@ -99,7 +102,23 @@ class ServiceCaptured(BaseException):
 def capture(service: Service) -> None:
     """Raise ServiceCaptured if a file is being loaded for its declaration."""
     if _loading.get():
+        _resolve_hints(vars(sys.modules["__main__"]))
         raise ServiceCaptured(service)
+
+
+def _resolve_hints(namespace: Mapping[str, Any], prefix: str = "") -> None:
+    """Replace type hints that are texts in the records of the file being loaded: its module, where their names are
+    found, is ``__main__`` only now. ``prefix`` precedes the names of the namespace, that of a class within a class.
+    """
+    for name, record in tuple(namespace.items()):
+        if not isinstance(record, msgspec.StructMeta) or record.__module__ != "__main__":
+            continue
+        if record.__qualname__ != prefix + name:
+            continue  # another name of a record, which has its turn
+        with suppress(NameError, AttributeError, SyntaxError, TypeError):  # an error only where the record is used
+            hints = get_type_hints(record, include_extras=True)
+            record.__annotations__ = {field: hints[field] for field in vars(record).get("__annotations__", {})}
+        _resolve_hints(vars(record), f"{prefix}{name}.")
 
 
 @cache

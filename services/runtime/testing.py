@@ -11,6 +11,7 @@ A tick sees all messages published before the ``set_time`` that causes it, and i
 from __future__ import annotations
 
 import io
+import sys
 import threading
 import time
 from collections import deque
@@ -168,7 +169,8 @@ def run_service(
     """Run a service in a thread; on exit, ask it to end and wait for it.
 
     Args:
-        service: the declaration, a bare loop, or the Python file that calls ``main``.
+        service: the declaration, a bare loop, or the Python file that calls ``main``; the file is loaded again each
+            time, as in a new process.
         namespace: the namespace of its relative names, such as "/tb3_0".
         params: its parameters, or the values of those that differ from their defaults.
         rate: the rate [Hz] of a bare loop.
@@ -178,7 +180,10 @@ def run_service(
         BadInput: a parameter is out of bounds.
     """
     if isinstance(service, str | Path):
-        service = load_user_service(str(service))
+        folder = str(Path(service).resolve().parent)
+        if folder not in sys.path:
+            sys.path.append(folder)  # its loop may import more from there
+        service = load_user_service.__wrapped__(str(service))
     elif not isinstance(service, Service):
         service = Service(name="controller", about="", run=service, rate=rate)
     given = params if isinstance(params, Parameters) else build(service.parameters, params or {})

@@ -469,6 +469,10 @@ class ScriptKernel:
             self.network.update()
         return self.network.origin(publisher)
 
+    def is_gone(self, publisher: bytes, name: str) -> bool:
+        """Return whether a topic's publication has ended; never in lockstep, where tokens vanish at no defined tick."""
+        return not self.lockstep and publisher not in self.network.publishers(name)
+
     def endpoint_nodes(self, kind: str, name: str) -> list[str]:
         """Return the nodes with an endpoint of this kind; the script's own endpoints are known at once."""
         found = set(self.network.endpoint_nodes(kind, name))

@@ -23,10 +23,10 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from services.runtime.process import ROOT
-from services.script import opencv_windows
+from services.script import old_names, opencv_windows
 from services.script.budget import WHILE_PASSES
 from services.script.missing_modules import MODERN, explain_missing
-from services.script.source import DIVIDE, PASS, compile_script, divide
+from services.script.source import DIVIDE, PASS, TOSTRING, compile_script, divide
 from services.script.workspace import Workspace
 
 SITE_PACKAGES = ROOT / "services" / "ros1" / "site-packages"
@@ -53,7 +53,7 @@ class ScriptLoader:
     ) -> None:
         self._folders = tuple(os.path.join(os.path.abspath(each), "") for each in folders)
         self._modules, self._workspace, self._imported = modules, workspace, imported
-        self._windows_taken = False
+        self._adapted: set[str] = set()
         self._builtins = {**builtins.__dict__, **extras, "__import__": self._import}
 
     def run(self, file: Path) -> None:
@@ -74,10 +74,15 @@ class ScriptLoader:
         """Give one of the script's own modules its builtins."""
         module.__dict__["__builtins__"] = self._builtins
 
-    def _take_windows(self, cv2: ModuleType) -> None:
-        if not self._windows_taken:
-            self._windows_taken = True
-            opencv_windows.adapt(cv2, self._modules.get("time", time).sleep)
+    def _adapt(self, name: str) -> None:
+        """Adapt a library to scripts of ROS 1 when it is first imported."""
+        if name in self._adapted:
+            return
+        self._adapted.add(name)
+        if name == "cv2":
+            opencv_windows.adapt(sys.modules[name], self._modules.get("time", time).sleep)
+        elif (adapter := old_names.ADAPTERS.get(name)) is not None:
+            adapter(sys.modules[name])
 
     def _import(self, name: str, scope: Any = None, inner: Any = None, fromlist: Any = (), level: int = 0) -> Any:
         if level == 0:
@@ -86,8 +91,8 @@ class ScriptLoader:
             self._imported(name.partition(".")[0])
         try:
             found = builtins.__import__(name, scope, inner, fromlist, level)
-            if not level and name.partition(".")[0] == "cv2":
-                self._take_windows(sys.modules["cv2"])
+            if not level:
+                self._adapt(name.partition(".")[0])
             return found
         except ModuleNotFoundError as error:
             if level or error.name is None or not (name == error.name or name.startswith(f"{error.name}.")):
@@ -191,6 +196,7 @@ def python2_builtins(read_line: Callable[..., str]) -> dict[str, Any]:
         "execfile": execfile,
         PASS: lambda: None,
         DIVIDE: divide,
+        TOSTRING: old_names.tostring,
     }
 
 

@@ -74,9 +74,9 @@ class LockstepCalls:
         self._served[server.name] = server, subscriber
 
     def withdraw(self, name: str) -> None:
-        """Unsubscribe from requests for a service."""
+        """Unsubscribe from requests for a service; the publication of its replies stays, for one of this tick."""
         if (found := self._served.pop(name, None)) is not None:
-            self._node.unregister(found[1], self._node.advertise(call_topic(name, "reply")))
+            self._node.unregister(found[1])
 
     def ask(self, name: str, payload: bytes) -> int:
         """Publish a request; return its number."""

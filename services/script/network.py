@@ -76,6 +76,13 @@ class Network:
             known = self._origins.get(publisher, _UNKNOWN)
         return known
 
+    def publishers(self, name: str) -> set[bytes]:
+        """Return the ids of a topic's publications."""
+        self._follow()
+        with self._lock:
+            ends = [each for each in self._endpoints.get(name, {}).values() if each.kind == "pub"]
+        return {publisher_id(each.node, each.session, key_of(name)) for each in ends}
+
     def endpoint_nodes(self, kind: str, name: str) -> list[str]:
         """Return the nodes that publish (``pub``), subscribe to (``sub``) or serve (``srv``) a name, sorted."""
         with self._lock:

@@ -146,10 +146,11 @@ class SharedParameters:
             self._number += 1
             write = _Write(self._number, key, value, deletes)
             _make(self._tree, write)
-            self._pending.append(write)
+            shared = self._shared
+            if shared:  # without a service, all of _own is sent once there is one
+                self._pending.append(write)
             self._own.pop(key, None)
             self._own[key] = write
-            shared = self._shared
         if not shared:
             return
         try:

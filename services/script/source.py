@@ -17,6 +17,8 @@ PASS = "__elea_pass__"
 """The builtin called at the head of each loop."""
 DIVIDE = "__elea_divide__"
 """The builtin that divides as in Python 2: two ints give an int."""
+TOSTRING = "__elea_tostring__"
+"""The builtin that calls an object's ``tostring``, which numpy's arrays no longer have."""
 _ENDLESS = frozenset({"count", "cycle", "repeat", "iter"})
 
 
@@ -117,7 +119,7 @@ def _note(path: Path, text: str) -> None:
 
 
 class _Loops(ast.NodeTransformer):
-    """Inserts a call at the head of each loop that may not end; for Python 2, replaces division."""
+    """Inserts a call at the head of each loop that may not end; replaces ``x.tostring()``, and in Python 2 division."""
 
     def __init__(self, old: bool) -> None:
         self._old = old
@@ -140,6 +142,17 @@ class _Loops(ast.NodeTransformer):
             name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
             if name in _ENDLESS:
                 node.body.insert(0, _point(node.body[0]))
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        match node:
+            case ast.Call(ast.Attribute(value, "tostring"), [], []):
+                made = ast.copy_location(ast.Call(ast.Name(TOSTRING, ast.Load()), [value], []), node)
+                last, end = node.func.end_lineno, node.func.end_col_offset
+                if last is not None and end is not None and last != node.lineno:  # Python's line of a method call
+                    made.lineno, made.col_offset = last, end - len("tostring")
+                return made
         return node
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:

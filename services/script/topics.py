@@ -51,6 +51,10 @@ class Sources(Protocol):
         """Return the source of a publisher's samples."""
         ...
 
+    def is_gone(self, publisher: bytes, name: str) -> bool:
+        """Return whether a topic's publication has ended."""
+        ...
+
 
 class ForeignSubscriber(Subscriber[bytes]):  # type: ignore[type-var]
     """A subscription to payloads of a type, or of any type, with the last samples of latched publishers."""
@@ -179,11 +183,11 @@ class TopicReader:
         self.worker.notify()
 
     def add(self, given: TopicInput) -> None:
-        """Add a receiver, which gets the last messages of latched publishers at once."""
+        """Add a receiver, which gets at once the last messages of the latched publishers that still exist."""
         self.inputs = [*self.inputs, given]
         for publisher, (payload, origin) in list(self._latched.items()):
             known = origin if origin.node else self._sources.origin(publisher)
-            if known.latched:
+            if known.latched and not self._sources.is_gone(publisher, self.name):
                 self.queue.append((payload, known, given))
         self.worker.notify()
 

@@ -120,8 +120,8 @@ class Actuation(Protocol):
         """Set the motors for the physics step that begins at ``now``."""
         ...
 
-    def reset(self) -> None:
-        """Discard all commands after a reset of the world."""
+    def reset(self, time_too: bool) -> None:
+        """Discard all commands after a reset of the world; with ``time_too``, their counts restart at 0."""
         ...
 
     def reconfigure(self, now: int) -> None:
@@ -309,8 +309,10 @@ class BaseActuation:
         if self._open_loop:
             self.odometer.update_from_commands()
 
-    def reset(self) -> None:
+    def reset(self, time_too: bool) -> None:
         self.controller.reset()
+        if time_too:
+            self.controller.arbiter.clear_counts()
         if self._model.wheels is not None:
             config = self.controller.config
             self._wheel_targets = config.per_wheel((0.0, 0.0))
@@ -406,7 +408,7 @@ class JointActuation:
     def step(self, now: int) -> None:
         self.controller.step(now)
 
-    def reset(self) -> None:
+    def reset(self, time_too: bool) -> None:
         self.controller.reset()
 
     def reconfigure(self, now: int) -> None:

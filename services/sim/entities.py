@@ -27,11 +27,21 @@ class ScopedName(NamedTuple):
         return f"{self.body}::{self.name}"
 
 
+def world_body(world: World, name: str) -> str:
+    """Return the body of the world that is named, alone or with its only link as ``body::link``; empty if none is."""
+    return next((each for each in (name, name.removesuffix("::link")) if each in world.world_bodies), "")
+
+
 def find_link(world: World, name: str) -> ScopedName:
     """Resolve a link: ``model::link``, ``model/link``, a model (its root), or a link name that only one model has.
 
     Raises BadInput with the alternatives.
     """
+    if body := world_body(world, name):
+        raise BadInput(
+            f"{body} is a body of the world: wrenches act on the links of spawned models only, and only these have "
+            "link properties"
+        )
     if name in world.names:
         return ScopedName(name, world.body(name).links[0])
     return _find("link", name, world.names, lambda body: world.body(body).links)
@@ -55,8 +65,8 @@ def frame_state(world: World, name: str) -> BodyState:
     """Return the pose and velocity of the frame ``name`` in the world; raises BadInput."""
     if name in WORLD_FRAMES:
         return WORLD_STATE
-    if name in world.world_bodies:
-        return world.world_body_state(name)
+    if body := world_body(world, name):
+        return world.world_body_state(body)
     link = find_link(world, name)
     return world.body(link.body).link_state(link.name)
 

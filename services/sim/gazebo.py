@@ -55,7 +55,7 @@ from services.runtime.errors import BadInput, EleaError
 from services.runtime.node import Node
 from services.runtime.requests import DeferredReply
 from services.runtime.step import STEP_S
-from services.sim.entities import WORLD_FRAMES, find_link, frame_state
+from services.sim.entities import WORLD_FRAMES, find_link, frame_state, world_body
 from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS
 from services.sim.services import JointServices, PropertyServices, SimulationServices, pose_from_msg
 from services.sim.simulation import Simulation
@@ -165,7 +165,7 @@ class GazeboServices:
 
         In real time, the state of a model that an effort or wrench was applied to since the last step is returned only
         after the next step. Otherwise a loop that reads, pushes and reads again would see the same state several times;
-        in Gazebo it does not, as a step there is shorter than a call.
+        in Gazebo it does not, as a step there is shorter than a call. A pause meanwhile answers with the state then.
         """
         respond = _refusing(request.response_type, handler)
 
@@ -180,7 +180,7 @@ class GazeboServices:
         self._node.serve(request, answer)
 
     def _answer_waiting(self) -> None:
-        """Answer the deferred state requests, after a step."""
+        """Answer the deferred state requests, after a step or as time is paused."""
         if self._pushed:
             self._pushed.clear()
             waiting, self._waiting = self._waiting, []
@@ -452,9 +452,8 @@ class GazeboServices:
         )
 
     def _move_link(self, state: gz.LinkState) -> None:
-        if state.link_name in self._world.world_bodies:
-            name = state.link_name
-        else:
+        name = world_body(self._world, state.link_name)
+        if not name:
             link = find_link(self._world, state.link_name)
             root = self._world.body(link.body).links[0]
             if link.name != root:

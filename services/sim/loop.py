@@ -204,6 +204,9 @@ class SimulationLoop:
             self.time_mode.resync()
             self.simulation.publish_clock()
             self._show_state()
+            if paused:
+                for act in self.simulation.after_step:
+                    act()
         return self._time()
 
     def _reset(self, time_too: bool) -> SimTime:

@@ -86,6 +86,8 @@ class RobotPublishers:
             world, entry.name, entry.model, seed, self._publisher, self.frame_id, actuation, node.log.warn
         )
         self.sensors = robot_sensors(context, model)
+        for each in self._publishers:  # not before all topics have their own names
+            each.advertise_aliases()
         self.truth_template = self._odometry_template("world", self._base_frame, ZERO_COVARIANCE, ZERO_COVARIANCE)
         self._odometry_template_of: tuple[Packed36, Packed36, Template[Any]] | None = None
         self.joint_template = Template(self._joint_state, 3 * len(self.joints))

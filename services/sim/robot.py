@@ -50,6 +50,18 @@ class Robot:
             node, world, entry, self.model, self.namespace, pose, seed, command_sources, delays, wait
         )
         self._node, self._world, self._body = node, world, world.body(entry.name)
+        subscribers, publishers = len(node.subscribers), len(node.publishers)
+        try:
+            self._open(seed, delays)
+        except BaseException:
+            node.unregister(*node.subscribers[subscribers:], *node.publishers[publishers:])
+            self.actuation.close()
+            world.delete(entry.name)
+            raise
+
+    def _open(self, seed: int, delays: TransitDelayEstimator) -> None:
+        """Open the subscribers and publishers."""
+        node, entry = self._node, self.entry
         commands = self.actuation.command_topic
         self._command_subscribers: tuple[Subscriber[Any], ...] = tuple(
             node.subscribe(commands, name) for name in topic_names(commands, self.model, self.namespace)
@@ -65,9 +77,9 @@ class Robot:
         )
         self._stopped_by: tuple[str, ...] = ()
         self._contacts: frozenset[str] = frozenset()
-        self._collisions = 0
+        self._collisions = self._refused_before = 0
         self.publishers = RobotPublishers(
-            node, world, entry, self.model, self.namespace, seed, self.actuation, self.motors
+            node, self._world, entry, self.model, self.namespace, seed, self.actuation, self.motors
         )
 
     def close(self) -> None:
@@ -79,10 +91,12 @@ class Robot:
         self.publishers.close()
         self._world.delete(self.name)
 
-    def reset(self) -> None:
-        """Restart from where the world has put the body."""
+    def reset(self, time_too: bool) -> None:
+        """Restart from where the world has put the body; with ``time_too``, its counts restart at 0."""
         self._contacts = frozenset()
-        self.actuation.reset()
+        if time_too:
+            self._collisions, self._refused_before = 0, self._refused
+        self.actuation.reset(time_too)
         self.motors.reset()
         self.publishers.reset()
 
@@ -128,9 +142,14 @@ class Robot:
         self._collisions += len(others - self._contacts)
         self._contacts = others
 
+    @property
+    def _refused(self) -> int:
+        """The number of messages that the subscribers of commands have refused."""
+        return sum(each.refused for each in self._command_subscribers)
+
     def publish_status(self, now: int) -> None:
         """Publish the status of the base, if there is one."""
-        refused, touching = sum(each.refused for each in self._command_subscribers), bool(self._contacts)
+        refused, touching = self._refused - self._refused_before, bool(self._contacts)
         status = self.actuation.status(now, refused, touching, self._collisions, self._stopped_by)
         if status is not None:
             self.publishers.publish_status(status)

@@ -42,11 +42,18 @@ def topic_names(topic: Topic[Any], model: RobotModel, namespace: str) -> list[st
 
 
 class RobotPublisher:
-    """A topic of a robot, published under each of its names."""
+    """A topic of a robot, published under its own name, and under its others after ``advertise_aliases``."""
 
     def __init__(self, node: Node, topic: Topic[Any], names: list[str]) -> None:
         self.record: type[Message] = topic.record
-        self.ends: list[Publisher[Any]] = [node.advertise(topic, name) for name in names]
+        self.ends: list[Publisher[Any]] = [node.advertise(topic, names[0])]
+        self._node, self._topic, self._aliases = node, topic, names[1:]
+
+    def advertise_aliases(self) -> None:
+        """Publish under the other names, too, except those under which another topic is published already."""
+        for name in self._aliases:
+            if all(each.name != name for each in self._node.publishers):
+                self.ends.append(self._node.advertise(self._topic, name))
 
     @property
     def has_subscribers(self) -> bool:

@@ -225,7 +225,7 @@ class SonarSensor:
 
 
 class CameraSensor:
-    """A camera; its calibration is published beside each image."""
+    """A camera; its calibration is published beside each image, and also while only that has subscribers."""
 
     def __init__(self, context: SensorContext, camera: CameraConfig) -> None:
         self.steps, self._context, self._camera = steps_of(camera.rate), context, camera
@@ -234,9 +234,13 @@ class CameraSensor:
         self._draws = True
 
     def publish(self, snapshot: Snapshot) -> None:
-        if not (self._draws and self._images.has_subscribers):
+        draws = self._draws and self._images.has_subscribers
+        if not (draws or self._infos.has_subscribers):
             return
         header = Header(stamp=Time.of(snapshot.now), frame_id=self._frame)
+        if not draws:
+            self._infos.publish(camera_info(self._camera, header))
+            return
         try:
             image = camera_image(self._context.world, self._context.robot, self._camera, header)
         except BadInput as error:

@@ -65,16 +65,20 @@ from services.sim.entities import (
     pose_and_twist,
     relative_state,
     to_world_pose,
+    world_body,
 )
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.joints.jobs import schedule_job
 from services.sim.joints.wrenches import LinkWrench
 from services.sim.parameters import BaseParameters, JointParameters, RobotEntry
 from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction, World
-from services.sim.robot_loader import RobotLoader
+from services.sim.robot_loader import RobotLoader, on_the_ground
 from services.sim.sensors import joint_state
 from services.sim.simulation import Simulation
 from services.sim.time_modes import TimeMode
+
+_ROUNDING_M = 1e-6
+"""m; a height above 0 by rounding alone is still that of the ground."""
 
 
 class SimulationServices:
@@ -139,13 +143,15 @@ class SimulationServices:
         return ModelState(name=robot.name, model=display_name(robot.entry.model), pose=pose, twist=twist)
 
     def set_state(self, request: SetModelState) -> ModelState:
-        """Set the pose and twist of a model."""
+        """Set the pose and twist of a model; an imported robot is raised onto the ground, as when it is spawned."""
         world = self._simulation.world
         robot = None if request.name in world.world_bodies else self._simulation.find(request.name)
         if robot is not None and robot.model.fixed_base and request.twist != Twist():
             raise BadInput(f"{request.name} has a fixed base: its pose can be set, but not its twist")
         frame = frame_state(world, request.reference_frame)
         place = to_world_pose(frame, pose_from_msg(request.pose))
+        if robot is not None and place.position[2] > -_ROUNDING_M:
+            place = on_the_ground(robot.entry.model, place)
         axes = frame.orientation if request.reference_frame else place.orientation
         v, w = request.twist.linear, request.twist.angular
         linear, angular = rotate(axes, (v.x, v.y, v.z)), rotate(axes, (w.x, w.y, w.z))
@@ -245,6 +251,7 @@ class JointServices:
         positions = positions_by_joint(request.joint_names, request.joint_positions)
         positions = {find_joint(self._world, robot.name, joint).name: each for joint, each in positions.items()}
         robot.actuation.set_joints(positions)
+        robot.motors.hold_again(positions)
         body = self._world.body(robot.name)
         return joint_state(body.joints, body.joint_readings(), Header(stamp=Time.of(self._simulation.now)))
 
@@ -318,15 +325,11 @@ class PropertyServices:
         node.serve(WORLD_PROPERTIES, self.world_properties)
 
     def link_state(self, request: LinkName) -> LinkState:
-        """Return the pose and twist of a link."""
-        link = find_link(self._world, request.link_name)
-        seen = relative_state(
-            frame_state(self._world, request.reference_frame), self._world.body(link.body).link_state(link.name)
-        )
+        """Return the pose and twist of a link, or of a body of the world."""
+        link = world_body(self._world, request.link_name) or str(find_link(self._world, request.link_name))
+        seen = relative_state(frame_state(self._world, request.reference_frame), frame_state(self._world, link))
         pose, twist = pose_and_twist(seen)
-        return LinkState(
-            link_name=str(link), pose=pose, twist=twist, reference_frame=request.reference_frame or "world"
-        )
+        return LinkState(link_name=link, pose=pose, twist=twist, reference_frame=request.reference_frame or "world")
 
     def link_properties(self, request: LinkName) -> LinkProperties:
         """Return the mass and inertia of a link."""

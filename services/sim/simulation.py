@@ -82,7 +82,7 @@ class Simulation:
         self.commands: list[Callable[[], None]] = []
         """Callbacks that process received messages at each read of the inputs, before the robots' own commands."""
         self.after_step: list[Callable[[], None]] = []
-        """Callbacks after each physics step."""
+        """Callbacks after each physics step, and when time is paused."""
         self.input_steps = CONTROL_STEPS
         self._commanded_robots = 0
         self._sensors = SensorSchedule(world)
@@ -165,7 +165,7 @@ class Simulation:
             self.tick = 0
             self.epoch += 1
         for robot in self.robots:
-            robot.reset()
+            robot.reset(time_too)
         self._contacts = None
         self._sensors.reset()
         self.publish_static_tf()

@@ -84,10 +84,7 @@ class Turtlesim:
 
     def _step(self, tick: Tick) -> None:
         if tick.reset:
-            self._plane.reset(self._background.colour)
-            self._update_topics()
-            for topics in self._topics.values():
-                topics.actions.restart()
+            self._restart()
         self._services.update()
         steps = max(1, round(tick.dt * 1e9 / PERIOD_NS)) if tick.dt else 0
         for name, topics in self._topics.items():
@@ -131,9 +128,15 @@ class Turtlesim:
         return EmptyResponse()
 
     def _reset(self, _: Empty) -> EmptyResponse:
+        self._restart()
+        return EmptyResponse()
+
+    def _restart(self) -> None:
+        """Begin again with turtle1, without a goal."""
         self._plane.reset(self._background.colour)
         self._update_topics()
-        return EmptyResponse()
+        for topics in self._topics.values():
+            topics.actions.restart()
 
     def _spawn(self, asked: Spawn) -> SpawnResponse:
         name = self._plane.spawn(asked.name, asked.x, asked.y, asked.theta)

@@ -69,7 +69,7 @@ class RotateAbsoluteServer:
         return turtle
 
     def restart(self) -> None:
-        """Restart without goals, after a reset of simulation time."""
+        """Restart without goals, after a reset of the turtles or of simulation time."""
         self._goals, self._active, self._status_due = Goals(), "", 0
 
     def _accept(self, message: RotateAbsoluteActionGoal, turtle: Turtle, now: int) -> None:

@@ -145,6 +145,12 @@ def test_contradiction(old: str, new: str, place: int, what: str) -> None:
     assert what in text
 
 
+def test_a_number_of_too_many_digits_is_refused() -> None:
+    assert refusal("factor = 2", f"factor = {'2' * 5000}").startswith("pair.toml: this is not TOML: Exceeds the limit")
+    with pytest.raises(BadInput, match="factor"):
+        parse_fleet(Path("pair.toml"), FILE, [f"run.factor={'2' * 5000}"])
+
+
 def test_bounds_of_a_mode_take_the_place_of_those_of_all() -> None:
     text = FILE.replace("[bounds]", "[bounds]\nrestarts = 0\n[bounds.real]\nrestarts = 2\n[bounds.lockstep]")
     fleet = parse_fleet(Path("pair.toml"), text)

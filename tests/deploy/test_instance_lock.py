@@ -13,6 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 from deploy.instance_lock import check_parameter_file_unused, instance_lock
+from deploy.run_folder import make_run_folder
 from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.process import ROOT
@@ -140,3 +141,20 @@ def test_one_that_another_parameter_service_holds_is_refused(tmp_path: Path) -> 
     finally:
         os.close(descriptor)
     check_parameter_file_unused(file)
+
+
+def test_the_folder_of_a_running_fleet_is_not_emptied(port: int, tmp_path: Path) -> None:
+    folder = make_run_folder("mine", str(tmp_path / "out"))
+    kept = [folder / each for each in ("stops.json", "processes.json", "logs/sim.log", "bag/a.mcap")]
+    for each in kept:
+        each.parent.mkdir(exist_ok=True)
+        each.touch()
+    (tmp_path / "link").symlink_to(folder)
+    with instance_lock(replace(entry(port), folder=str(folder))):
+        for report in (folder, tmp_path / "link"):
+            with pytest.raises(BadInput, match=rf"running fleet mine .* \./elea down --port {port}, .*--report"):
+                make_run_folder("other", str(report))
+        assert all(each.exists() for each in kept)
+        assert make_run_folder("other", str(tmp_path / "another")) == tmp_path / "another"
+    make_run_folder("other", str(folder))
+    assert not any(each.exists() for each in kept)

@@ -12,6 +12,8 @@ from deploy.fleet_file import read_fleet
 from deploy.processes import plan_processes
 from deploy.service_parameters import RunOptions
 from services.runtime.errors import BadInput
+from services.runtime.parameters.schema import flatten
+from services.runtime.parameters.validation import build, describe_parameters
 from services.runtime.service import load_user_service
 from tests.docs.readme import blocks, section
 from tests.harness.command_line import CommandLine
@@ -51,6 +53,57 @@ def fleet(folder: Path, program: str, more: str = "") -> Path:
     path = folder / "own.toml"
     path.write_text(FLEET.format(file="mine.py", more=more))
     return path
+
+
+TEXTUAL_HINTS = """
+from __future__ import annotations
+from typing import Annotated, Literal
+from msgspec import Meta, Struct
+from services.runtime import Parameters, Service, main, param
+
+Law = Literal["pd", "pid"]
+
+class Base(Parameters):
+    gain: Annotated[float, Meta(ge=0)] = 1.0
+
+class Mine(Base):
+    mode: Literal["a", "b"] = param("a")
+    law: Law = "pd"
+    table: Table | None = None
+    class Inner(Struct, frozen=True):
+        side: Literal["left", "right"] = "left"
+    inner: Inner = Inner()
+
+class Table(Struct, frozen=True):
+    law: Law
+
+class Unused(Struct):
+    what: Unknown
+
+def run(ctx):
+    pass
+
+main(Service(name="mine", about="Mine.", run=run, rate=25, parameters=Mine))
+"""
+
+
+def test_type_hints_that_are_texts_are_those_of_its_file(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(TEXTUAL_HINTS)
+    record = load_user_service(str(tmp_path / "mine.py")).parameters
+    described = {each.name: each.choices for each in describe_parameters(record)}
+    assert described["mode"] == ("a", "b")
+    assert described["table.law"] == described["law"] == ("pd", "pid")
+    assert described["inner.side"] == ("left", "right")
+    values = {"mode": "b", "gain": 2, "table": {"law": "pid"}, "inner": {"side": "right"}}
+    made = build(record, values)
+    assert {name: flatten(made)[name] for name in ("mode", "gain", "table.law", "inner.side")} == {
+        "mode": "b",
+        "gain": 2.0,
+        "table.law": "pid",
+        "inner.side": "right",
+    }
+    with pytest.raises(BadInput, match="expected one of a, b"):
+        build(record, {"mode": "c"})
 
 
 def test_its_declaration_is_read_and_it_steps_with_the_simulation(tmp_path: Path) -> None:

@@ -75,6 +75,18 @@ def test_a_drive_of_wheel_pairs_in_ros_2() -> None:
     assert tags.ignored == ()
 
 
+def test_odometry_is_the_true_pose_unless_the_plugin_counts_wheels() -> None:
+    drive = "<left_joint>l</left_joint><right_joint>r</right_joint>{}</plugin></gazebo>"
+    classic = '<gazebo><plugin name="d" filename="libgazebo_ros_diff_drive.so">'
+    cases = {"": "world", "world": "world", "1": "world", "2": "world", "encoder": "encoder", "0": "encoder"}
+    for stated, expected in cases.items():
+        for name in ("odometrySource", "odometry_source"):
+            tag = f"<{name}>{stated}</{name}>" if stated else ""
+            assert tags_of(classic + drive.format(tag)).odometry == expected
+    gz = '<gazebo><plugin name="gz::sim::systems::DiffDrive" filename="gz-sim-diff-drive-system">'
+    assert tags_of(gz + drive.format("")).odometry is None
+
+
 def test_drives_by_their_other_names() -> None:
     skid = drive_of(
         '<gazebo><plugin name="s" filename="libgazebo_ros_skid_steer_drive.so">',

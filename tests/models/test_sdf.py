@@ -295,6 +295,51 @@ def test_a_world_is_read_without_what_flew_away(package: Path) -> None:
             read(package, text.replace("1 2 10000 0 0 0", bad))
 
 
+def test_models_are_where_a_saved_world_moved_them(package: Path) -> None:
+    crate = (
+        '<model name="crate"><pose>4 5 0.5 0 0 0</pose><link name="l"><pose>1 0 0 0 0 0</pose><collision name="c">'
+        "<geometry><sphere/></geometry></collision></link></model>"
+    )
+    include = "<include><uri>model://box</uri><name>lid</name><pose>1 1 1 0 0 0</pose></include>"
+
+    def saved(crate_at: str, *other: str) -> WorldDescription:
+        moved = f'<model name="crate"><pose frame="">{crate_at}</pose><link name="l"><pose>9 9 9 0 0 0</pose></link>'
+        later = '<state world_name="w"><model name="crate"><pose>0 0 0 0 0 0</pose></model></state>'
+        state = f'<state world_name="w"><sim_time>9 0</sim_time>{moved}</model>{"".join(other)}</state>{later}'
+        return read(package, f'<sdf version="1.6"><world name="w">{crate}{include}{state}</world></sdf>')
+
+    def places(world: WorldDescription) -> dict[str, object]:
+        return {body.name: pytest.approx(body.pose.position) for body in world.bodies}
+
+    world = saved("2 8 0.5 0 0 1.5707963267948966", '<model name="lid"><pose>3 3 3 0 0 0</pose></model>')
+    assert places(world) == {"crate": (2, 9, 0.5), "lid": (3, 3, 3)}
+    assert world.notes == ()
+    for unusable in ("nan 0 0 0 0 0", "2 8", ""):
+        assert places(saved(unusable)) == {"crate": (5, 5, 0.5), "lid": (1, 1, 1)}, "those of the models"
+    world = saved("2 8 -34000 0 0 0")
+    assert places(world) == {"lid": (1, 1, 1)}
+    assert "a model farther away than 10000 m is left out: 2 8 -34000" in world.notes[0]
+
+
+def test_a_model_fixed_to_the_world_by_a_joint_is_fixed(package: Path) -> None:
+    shelf = (
+        '<model name="shelf"><link name="l"><collision name="c"><geometry><sphere/></geometry></collision></link>'
+        '<joint name="j" type="fixed"><parent>{}</parent><child>{}</child></joint></model>'
+    )
+    for ends, kind in ((("world", "l"), "fixed"), (("l", "world"), "fixed"), (("l", "l"), "movable")):
+        world = read(package, f'<sdf version="1.6"><world name="w">{shelf.format(*ends)}</world></sdf>')
+        assert only(world).kind == kind
+
+
+def test_the_name_of_a_model_may_follow_three_slashes(package: Path) -> None:
+    (package / "models" / "box" / "wedge.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+    )
+    mesh = "<mesh><uri>model:///{}/wedge.obj</uri></mesh>"
+    assert isinstance(only(read(package, model(mesh.format("box")))).parts[0].shape, MeshShape)
+    assert "'nobox'" in read(package, model(mesh.format("nobox"))).missing[0]
+
+
 def test_no_mass_and_no_extent_cost_no_world(package: Path) -> None:
     text = WORLD.replace("<mass>2.5</mass>", "<mass>0</mass>").replace("<ixx>0.1<", "<ixx>-nan<")
     text = text.replace(

@@ -78,6 +78,38 @@ def test_a_rover_keeps_its_frames_its_joints_and_its_drive() -> None:
     assert tags.friction["chassis"].coefficient == 0.7
 
 
+def test_an_axis_is_in_the_frame_that_its_version_or_its_tags_state() -> None:
+    def axis(version: str, frame: str = "", flag: str = "") -> list[float]:
+        text = (
+            f'<sdf version="{version}"><model name="m"><frame name="tilted"><pose>0 0 0 0 0 1.5707963267948966</pose>'
+            '</frame><link name="a"/><link name="b"><pose>0 0.5 0 -1.5707963267948966 0 0</pose></link>'
+            '<joint name="j" type="revolute"><parent>a</parent><child>b</child>'
+            f"<axis><xyz {frame}>0 1 0</xyz>{flag}</axis></joint></model></sdf>"
+        )
+        found = ElementTree.fromstring(urdf_of_sdf(text).urdf).find("joint/axis")
+        assert found is not None
+        return numbers(found.get("xyz"))
+
+    flag = "<use_parent_model_frame>{}</use_parent_model_frame>"
+    across, own = pytest.approx([0, 0, 1], abs=1e-9), [0, 1, 0]
+    for of_model in (
+        axis("1.6", flag=flag.format(1)),
+        axis("1.7", 'expressed_in="__model__"'),
+        axis("1.4"),
+        axis("1.10", 'expressed_in="a"'),
+    ):
+        assert of_model == across
+    for of_joint in (
+        axis("1.6"),
+        axis("1.10"),
+        axis("1.4", flag=flag.format(0)),
+        axis("1.7", 'expressed_in="b"'),
+        axis("1.7", 'expressed_in="j"'),
+    ):
+        assert of_joint == pytest.approx(own, abs=1e-9)
+    assert axis("1.7", 'expressed_in="tilted"') == pytest.approx([-1, 0, 0], abs=1e-9)
+
+
 def test_a_model_that_is_fixed_to_the_world_still_has_joints() -> None:
     text = """<sdf version="1.5"><model name="m"><link name="a"/><link name="b"/><link name="c"/>
       <joint name="hold" type="fixed"><parent>world</parent><child>a</child></joint>

@@ -111,6 +111,7 @@ def test_what_is_wrong_is_told_with_file_line_and_the_right_name(tmp_path: Path)
         ("position", "fixed = false\nposition", 7, "'pillar': a body that can be moved needs a mass"),
         ('shape = "box"\nsize', 'shape = "mesh"\nfile = "no.stl"\nrpy', 13, "no.stl cannot be read"),
         ('"red"', '"red', 8, "this is not TOML"),
+        ("0.15", "2" * 5000, 1, "this is not TOML: Exceeds the limit"),
         ('"red"', '"red"\nyaw = 45', 9, "yaw: 45 rad is more than a whole turn, 6.28: angles are in rad"),
         ('"red"', '"red"\nrpy = [0, 0, 90]', 9, "rpy[2]: 90 rad is more than a whole turn, 6.28"),
         ("[[bodies]]", "start = { x = 0, yw = 1 }\n[[bodies]]", 2, "unknown key 'yw'; did you mean 'yaw'?"),

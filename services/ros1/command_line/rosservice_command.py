@@ -27,11 +27,14 @@ def call(args):
     name, *values = args
     if "--wait" in sys.argv:
         rospy.wait_for_service(name)
-    arguments = [yaml.safe_load(each) for each in values]
+    arguments = [yaml.safe_load(each or "''") for each in values]  # an empty argument is an empty text
     if len(arguments) == 1 and isinstance(arguments[0], list):
         arguments = arguments[0]
     rospy.init_node("rosservice", anonymous=True)
-    _, response = rosservice.call_service(name, [each for each in arguments if each is not None])
+    service = rosservice.get_service_class_by_name(name)
+    if arguments == [""] and not service._request_class.__slots__:
+        arguments = []
+    _, response = rosservice.call_service(name, [each for each in arguments if each is not None], service)
     print(response)
 
 

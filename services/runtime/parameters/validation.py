@@ -78,7 +78,7 @@ def read_value(text: str) -> Any:
         pass
     try:
         return tomllib.loads(f"v = {text}")["v"]
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         return text
 
 

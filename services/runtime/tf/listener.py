@@ -34,11 +34,17 @@ class TransformListener:
 
     def __init__(self, node: Node, cache: float = CACHE_S, moving: bool = True) -> None:
         self.buffer = TransformBuffer(cache)
+        self._node = node
         self._moving = node.subscribe(TF) if moving else None
         self._fixed = node.subscribe(TF_STATIC)
         self._log = node.log
         self._logged: set[str] = set()
         self._refused = 0
+
+    def read_moving(self) -> None:
+        """Read ``/tf`` as well from now on."""
+        if self._moving is None:
+            self._moving = self._node.subscribe(TF)
 
     def refresh(self) -> None:
         """Update from the subscribers' last batches."""

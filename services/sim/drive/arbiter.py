@@ -57,8 +57,7 @@ class Arbiter:
         self.decision, self.until = BRAKE, inf
         self.e_stopped = False
         self.timed_out = self.conflict = False
-        self.commands = self.refused = self.stale_dropped = self.commands_timed_out = 0
-        self.last_command = 0
+        self.clear_counts()
 
     def accept(
         self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int, vy: float = 0.0
@@ -119,6 +118,11 @@ class Arbiter:
         self._active.clear()
         self.decision, self.until = BRAKE, inf
         self.timed_out = self.conflict = False
+
+    def clear_counts(self) -> None:
+        """Restart all counts at 0, when simulation time does."""
+        self.commands = self.refused = self.stale_dropped = self.commands_timed_out = 0
+        self.last_command = 0
 
     def decide(self, now_ns: int) -> Decision:
         """Return what the base does at ``now_ns``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
 
@@ -67,18 +67,23 @@ class JointMotors:
         self._driven: dict[str, _Driven] = {}
         self._efforts: dict[str, float] = {}
         self._known: dict[str, None] = {}
-        """The joints commanded since the last reset."""
+        """The joints commanded since the last reset without an emergency stop."""
 
     def reset(self) -> None:
-        """Discard all targets after a reset of the world."""
-        self._driven, self._efforts, self._known = {}, {}, {}
+        """Discard all targets after a reset of the world; an emergency stop holds its joints where they are now."""
+        self._driven, self._efforts = {}, {}
+        if self._stopped:
+            self._hold(tuple(self._known))
+        else:
+            self._known = {}
 
     def apply_commands(
         self, topic: Subscriber[JointCommand], now: int, lockstep_members: set[bytes], factor: float
     ) -> None:
         """Apply the commands admitted at ``now`` [ns]; refused ones are counted in the topic's health.
 
-        As with efforts, commands of publishers outside lockstep end earlier by their transit time.
+        As with efforts, commands of publishers outside lockstep end earlier by their transit time. A command without
+        targets only ends those of its publisher, whatever its age.
         """
         for command, origin in topic.messages:
             self.commanded = True
@@ -90,7 +95,7 @@ class JointMotors:
                 if source[:MEMBER_BYTES] not in lockstep_members:
                     age = self._delays.estimate(origin)
                     age = age * factor if age < inf else inf
-            if age > command.duration:
+            if command.targets and age > command.duration:
                 topic.reject(f"a command of {command.duration:g} s that is {age:.3f} s old has expired")
                 continue
             self._replace(command, now, now + (command.duration - age) * 1e9, source, topic)
@@ -100,6 +105,10 @@ class JointMotors:
         if on and not self._stopped:
             self._hold(tuple(self._known))
         self._stopped = on
+
+    def hold_again(self, joints: Iterable[str]) -> None:
+        """Hold joints whose commands are over where they are now, after their positions were set."""
+        self._hold([each for each in joints if each in self._driven and self._driven[each].until == inf])
 
     def publisher_lost(self, source: bytes) -> None:
         """After the loss of a publisher, hold or release its joints at once."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from deploy.commands.sim import STEP_TIMEOUT_S, TIMEOUT_S, pause, step
 from messages.topics import CLOCK
 from tests.harness.fork_server import run_verb
 from tests.harness.processes import Network
@@ -50,6 +51,11 @@ def sim_command(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimCommand
         made = SimCommandLine(network.endpoint)
         made.output("pause")
         yield made
+
+
+def test_steps_are_awaited_longer_than_other_requests() -> None:
+    waits = {each.name: option.default for each in (pause, step) for option in each.params if option.name == "timeout"}
+    assert waits == {"pause": TIMEOUT_S, "step": STEP_TIMEOUT_S}
 
 
 def test_time(sim_command: SimCommandLine) -> None:

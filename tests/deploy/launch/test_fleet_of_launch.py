@@ -11,11 +11,13 @@ from typing import Any
 import pytest
 
 from deploy.controller_files import gain_values
+from deploy.fleet_validation import service_identity
 from deploy.launch.fleet_of_launch import fleet_of_launch
 from deploy.launch.open_launch import checked_fleet, find_launch, make_fleet
 from deploy.launch.packages import STAND_INS, LaunchPackages
 from deploy.processes import plan_processes
 from deploy.restart_policy import RestartPolicy
+from deploy.rosparam import fleet_parameter_tree
 from deploy.service_parameters import RunOptions
 from models import urdf_path
 from services.catalog import is_script
@@ -182,6 +184,152 @@ def test_joint_controllers_are_started_from_parameters_that_the_launch_file_stat
     assert list(gain_values(fleet.service[0], None)) == ["/arm/position/pid"]
     left_out = workspace.fleet(text.format(urdf=urdf, names="position velocity"))
     assert any("no <rosparam> configures position, velocity" in each for each in left_out.notes)
+
+
+ARM = """<param name="robot_description" textfile="$(find robots)/urdf/mine.urdf"/>
+  <node name="s" pkg="gazebo_ros" type="spawn_model" args="-urdf -param robot_description -model one"/>"""
+TWO = "a: {type: position_controllers/JointPositionController, joint: bear_link}\nb: {type: KIND, joint: bear_link}\n"
+
+
+def spawner(name: str, args: str, kind: str = "spawner", ns: str = "/") -> str:
+    return f'<node name="{name}" pkg="controller_manager" type="{kind}" args="{args}" ns="{ns}"/>'
+
+
+@pytest.mark.parametrize(
+    "second",
+    [spawner("t", "--stopped b"), spawner("t", "load b", "controller_manager")],
+    ids=["stopped", "load"],
+)
+def test_controllers_that_are_only_loaded_are_not_started(workspace: LaunchWorkspace, second: str) -> None:
+    workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text())
+    load = f"<rosparam>{TWO.replace('KIND', 'effort_controllers/JointEffortController')}</rosparam>"
+    for spawners in (spawner("c", "a") + second, second + spawner("c", "a")):
+        made = workspace.fleet(ARM + load + spawners)
+        (manager,) = made.table["service"]
+        assert manager["parameters"]["controllers"] == ["a"]
+        assert set(json.loads(manager["parameters"]["config"])) == {"a", "b"}
+        assert any("b: not started, as stated" in each for each in made.notes)
+        checked_fleet(workspace.source / "talks/launch/test.launch", made)
+    made = workspace.fleet(ARM + load + second)
+    assert "service" not in made.table
+    assert any("no controller manager in /" in each for each in made.notes)
+
+
+def test_a_robot_has_one_controller_manager_for_all_its_spawners(workspace: LaunchWorkspace) -> None:
+    workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text())
+    both = workspace.write("robots/both.yaml", TWO.replace("KIND", "position_controllers/JointPositionController"))
+    workspace.write("robots/a.yaml", both.read_text().split("\n")[0])
+    workspace.write("robots/b.yaml", both.read_text().split("\n")[1])
+    files = [f'<rosparam file="$(find robots)/{name}.yaml"/>' for name in ("a", "b", "both")]
+    two = spawner("c", "a") + spawner("d", "b a") + spawner("e", "none")
+    for load in (files[0] + files[1], files[2]):
+        made = workspace.fleet(ARM + load + two)
+        (manager,) = made.table["service"]
+        assert manager["parameters"]["controllers"] == ["a", "b"]
+        assert any("e" in each and "no <rosparam> configures none" in each for each in made.notes)
+    assert manager["parameters"]["config"] == str(both)
+
+
+@pytest.mark.parametrize(
+    ("load", "expected"),
+    [
+        ('<rosparam file="$(find robots)/one.yaml"/>', None),
+        ('<rosparam file="$(find robots)/one.yaml" subst_value="true"/>', None),
+        ('<rosparam file="$(find robots)/one.yaml"/><param name="a/pid/p" value="7.0"/>', {"p": 7.0}),
+        ('<rosparam file="$(find robots)/one.yaml"/><rosparam file="$(find robots)/gains.yaml"/>', {"hardware": 5}),
+        ('<arg name="j" value="bear"/><rosparam file="$(find robots)/text.yaml" subst_value="true"/>', {}),
+    ],
+    ids=["file", "nothing to substitute", "parameter", "gains", "substitution"],
+)
+def test_controllers_have_what_is_on_the_parameter_server(
+    workspace: LaunchWorkspace, load: str, expected: dict[str, float] | None
+) -> None:
+    workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text())
+    head = "states: {type: joint_state_controller/JointStateController, publish_rate: 40}\n"
+    text = f"{head}a: {{type: effort_controllers/JointPositionController, joint: bear_link, pid: {{p: 1.0}}}}\n"
+    one = workspace.write("robots/one.yaml", text)
+    workspace.write("robots/text.yaml", text.replace("bear_", "$(arg j)_"))
+    workspace.write("robots/gains.yaml", "gazebo_ros_control: {pid_gains: {bear_link: {p: 5}}}\n")
+    made = workspace.fleet(ARM + load + spawner("c", "a states"))
+    (manager,) = made.table["service"]
+    if expected is None:
+        assert manager["parameters"]["config"] == str(one)
+        return
+    tree = json.loads(manager["parameters"]["config"])
+    assert tree["a"]["joint"] == "bear_link"
+    assert tree["a"]["pid"]["p"] == expected.get("p", 1.0)
+    assert tree["states"]["publish_rate"] == 40
+    assert ("gazebo_ros_control" in tree) == ("hardware" in expected)
+    checked_fleet(workspace.source / "talks/launch/test.launch", made)
+
+
+def test_controllers_belong_to_the_robot_in_their_namespace(workspace: LaunchWorkspace) -> None:
+    workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text())
+    second = ARM.replace('"s"', '"s2"').replace("-model one", "-model two -robot_namespace /r2")
+    load = f"<rosparam ns='r2'>{TWO.split(chr(10))[0]}</rosparam>"
+    made = workspace.fleet(ARM + second + load + spawner("c", "a", ns="r2"))
+    assert [each["namespace"] for each in made.table["robot"]] == ["/", "/r2"]
+    (manager,) = made.table["service"]
+    assert (manager["namespace"], manager["parameters"]["robot"]) == ("/r2", "two")
+
+
+def test_controllers_of_a_launch_file_that_joins_are_those_of_a_running_robot(workspace: LaunchWorkspace) -> None:
+    plugin = (
+        '<gazebo><plugin name="c" filename="libgazebo_ros_control.so"><robotNamespace>/rrbot</robotNamespace>'
+        "</plugin></gazebo></robot>"
+    )
+    workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text().replace("</robot>", plugin))
+    world = workspace.fleet(WORLD.format(gui="false", more="") + ARM)
+    assert world.table["robot"][0]["namespace"] == "/rrbot"
+    assert any("in /rrbot, the namespace of its gazebo_ros_control" in each for each in world.notes)
+    control = f"<rosparam ns='rrbot'>{TWO.split(chr(10))[0]}</rosparam>" + spawner("c", "a", ns="rrbot")
+    joins = workspace.fleet(control)
+    (manager,) = joins.table["service"]
+    assert (manager["kind"], manager["namespace"]) == ("controller_manager", "/rrbot")
+    assert (manager["parameters"]["robot"], manager["parameters"]["controllers"]) == ("rrbot", ["a"])
+    (service,) = checked_fleet(workspace.source / "talks/launch/test.launch", joins).service
+    assert service_identity(service, None).node == "/rrbot/controller_manager"
+    alone = workspace.fleet(WORLD.format(gui="false", more="") + control)
+    assert any("is left out: no robot is spawned" in each for each in alone.notes)
+
+
+def test_an_object_with_a_urdf_does_not_change_the_frames_of_the_robot(workspace: LaunchWorkspace) -> None:
+    workspace.write("robots/urdf/table.urdf", '<robot name="t"><link name="top"/></robot>')
+    table = '<node name="t" pkg="gazebo_ros" type="spawn_model" args="-urdf -file {} -model table"/>'
+    table = table.format("$(find robots)/urdf/table.urdf")
+    rover = DESCRIBED + SPAWN.format(args="rover")
+    for text in (rover + table, table + rover):
+        made = workspace.fleet(text)
+        robots = {each["name"]: each for each in made.table["robot"]}
+        assert (robots["rover"]["namespace"], robots["rover"]["frame_prefix"]) == ("/", "")
+        assert robots["table"]["namespace"] == "/table"
+        assert "frame_prefix" not in robots["table"]
+        assert not any("with several robots" in each for each in made.notes)
+        checked_fleet(workspace.source / "talks/launch/test.launch", made)
+    made = workspace.fleet(rover + SPAWN.format(args="second").replace('"spawn"', '"again"'))
+    assert not any("frame_prefix" in each for each in made.table["robot"])
+    assert any("with several robots" in each for each in made.notes)
+
+
+def test_a_description_stays_under_its_own_name(workspace: LaunchWorkspace) -> None:
+    workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text())
+    one = ARM.replace("-model one", "-model one -robot_namespace /r1")
+    two = ARM.replace('"s"', '"s2"').replace("-model one", "-model two -robot_namespace /r2")
+    fleet = checked_fleet(workspace.source / "talks/launch/test.launch", workspace.fleet(one + two))
+    tree = fleet_parameter_tree(fleet)
+    assert tree["robot_description"] == urdf_path("arm").read_text()
+    assert {"robot_description"} == tree["r1"].keys() == tree["r2"].keys()
+    assert "rosparam" not in workspace.fleet(one).table  # the fleet itself has that of its only robot in the root, too
+
+
+@pytest.mark.parametrize("name", ["logger", "panel", "recorder"])
+def test_a_node_named_like_one_of_the_fleet_has_another_name(workspace: LaunchWorkspace, name: str) -> None:
+    node = f'<node pkg="talks" type="talker.py" name="{name}"><param name="rate" value="5"/></node>'
+    made = workspace.fleet(WORLD.format(gui="true", more="") + node)
+    assert made.table["service"][-1]["name"] == f"{name}_node"
+    assert made.table["rosparam"][f"{name}_node"] == {"rate": 5}
+    assert any(f"a node /{name} of their own" in each for each in made.notes)
+    checked_fleet(workspace.source / "talks/launch/test.launch", made)
 
 
 def test_what_a_package_that_is_not_here_would_include_is_left_out(workspace: LaunchWorkspace) -> None:

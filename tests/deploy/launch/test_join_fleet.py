@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -9,14 +10,22 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from deploy.launch.join_fleet import Programs, stop_fleet
+from deploy.fleet import Fleet, RobotConfig
+from deploy.launch.join_fleet import Programs, _set_parameters, stop_fleet
 from deploy.processes import NodeSpec, ProcessSpec
 from deploy.restart_policy import RestartPolicy
+from messages.elea import ModelState
+from messages.rosparam import RosparamSet
+from messages.simulation import ModelList
+from services.runtime import light_node, requests
 from services.runtime.fleet_instances import FleetInstance
+from services.runtime.network_address import NetworkAddress
 from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.process
@@ -79,6 +88,32 @@ def test_all_end_with_a_required_one_and_by_ctrl_c(tmp_path: Path) -> None:
     thread.join()
     assert time.monotonic() - begun < 30
     _assert_ended(pid)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "running", "keys"),
+    [
+        ("/", 1, {"/robot_description"}),
+        ("/r1", 0, {"/r1/robot_description", "/robot_description"}),
+        ("/r1", 1, {"/r1/robot_description"}),  # the root's is that of the running robot
+    ],
+)
+def test_the_description_of_a_spawned_robot_is_a_parameter(
+    monkeypatch: pytest.MonkeyPatch, namespace: str, running: int, keys: set[str]
+) -> None:
+    done: list[RosparamSet] = []
+    models = ModelList(models=(ModelState(name="other"),) * running)
+
+    def call(transport: object, request: object, key: str, message: Any, timeout: float) -> ModelList:
+        done.extend([message] if isinstance(message, RosparamSet) else [])
+        return models
+
+    monkeypatch.setattr(light_node, "open_transport", lambda router, domain: nullcontext())
+    monkeypatch.setattr(requests, "call", call)
+    robot = RobotConfig(name="one", model="burger", namespace=namespace)
+    _set_parameters(Fleet(name="f", robot=(robot,)), NetworkAddress("", ""))
+    assert {each.key for each in done} == keys
+    assert all("<robot" in json.loads(each.value) for each in done)
 
 
 def test_a_fleet_that_has_just_ended_needs_no_stop() -> None:

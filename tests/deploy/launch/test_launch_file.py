@@ -81,6 +81,57 @@ def test_values_have_the_types_that_roslaunch_gives_them(workspace: LaunchWorksp
     }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("param", "value"),
+    [
+        ('value=" hello "', "hello"),
+        ('value=" 5 "', 5),
+        ('value="5" type=" Double "', 5.0),
+        ('command="cat $(find talks)/five.txt"', 5),
+        ('textfile="$(find talks)/five.txt" type="double"', 5.0),
+        ('textfile="$(find talks)/five.txt" type="str"', "5\n"),
+        ("value=\"$(eval [int(v) + n for v in '1 2'.split()])\"", "[8, 9]"),
+    ],
+)
+def test_values_are_converted_as_by_roslaunch(workspace: LaunchWorkspace, param: str, value: object) -> None:
+    workspace.write("talks/five.txt", "5\n")
+    (read,) = workspace.read(f'<arg name="n" value="7"/><param name="x" {param}/>').parameters.values()
+    assert (read, type(read)) == (value, type(value))
+
+
+def test_quoted_arguments_keep_their_blanks(workspace: LaunchWorkspace) -> None:
+    node = '<node pkg="talks" type="talker.py" name="n" args="  say\n  \'a  b\'  "/>'
+    (found,) = nodes(workspace, node).values()
+    assert found.words == ["say", "a  b"]
+
+
+def test_groups_have_arguments_of_their_own(workspace: LaunchWorkspace) -> None:
+    group = '<group ns="{}"><arg name="x" {}/><param name="p" value="$(arg x)$(eval x)"/></group>'
+    two = group.format("a", 'value="1"') + group.format("b", 'default="2"')
+    read = workspace.read(two, {"x": "3"})
+    assert (read.parameters, read.notes[1:]) == ({"a": {"p": 11}, "b": {"p": 33}}, [])
+    assert workspace.read(two).parameters == {"a": {"p": 11}, "b": {"p": 22}}
+    with pytest.raises(BadInput, match=r"\$\(arg x\): no <arg> of this name is declared"):
+        workspace.read(f'{two}<param name="q" value="$(arg x)"/>')
+    with pytest.raises(BadInput, match=r"<arg> 'x' is already declared"):
+        workspace.read('<arg name="x" value="1"/>' + two)
+
+
+def test_the_root_namespace_is_that_of_the_command_line_or_of_the_shell(
+    workspace: LaunchWorkspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = """<node pkg="talks" type="talker.py" name="n"><param name="p" value="1"/></node><param name="/q" value="2"/>
+      <node pkg="talks" type="talker.py" name="m" ns="/abs"/>"""
+    monkeypatch.setenv("ROS_NAMESPACE", "tb3_0")
+    read = workspace.read(text)
+    assert [each.node for each in read.nodes] == ["/tb3_0/n", "/abs/m"]
+    assert read.parameters == {"tb3_0": {"n": {"p": 1}}, "q": 2}
+    read = workspace.read(text, {"__ns": "/other"})
+    assert ([each.node for each in read.nodes], read.notes) == (["/other/n", "/abs/m"], [])
+    monkeypatch.setenv("ROS_NAMESPACE", "")
+    assert workspace.read(text).nodes[0].node == "/n"
+
+
 def test_names_remapping_and_private_parameters_follow_their_scopes(workspace: LaunchWorkspace) -> None:
     found = nodes(
         workspace,

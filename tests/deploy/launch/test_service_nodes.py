@@ -38,7 +38,7 @@ def test_they_are_services_of_the_fleet(tmp_path: Path) -> None:
         ("", "map"): "map_server",
     }
     notes = "\n".join(made.notes)
-    assert "every fleet has a node /sim, so this one is /sim_node" in notes
+    assert "fleets have a node /sim of their own, so this one is /sim_node" in notes
     assert "./elea teleop /turtle1 --speed 2 --turn 2" in made.toml() + notes + "\n".join(made.by_hand)
     assert fleet.rosparam["sim_node"] == {"background_r": 9}, "with its private parameters"
     for node in ("mimic", "square"):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
+from pathlib import Path
+
 import pytest
 
 from messages.requests import GET_STATE
@@ -9,6 +12,7 @@ from messages.simulation import GetModelState
 from messages.topics import UPDATES
 from services.runtime import CMD_VEL, GROUND_TRUTH, ODOM, SCAN, BadInput, CallFailed, NoAnswer, Twist, Vector3, connect
 from services.runtime.client import Client
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from tests.harness.background_fleet import BackgroundFleet
 
 
@@ -16,6 +20,22 @@ from tests.harness.background_fleet import BackgroundFleet
 def client(running: BackgroundFleet, monkeypatch: pytest.MonkeyPatch) -> Client:
     monkeypatch.setenv("XDG_STATE_HOME", running.command_line.environment["XDG_STATE_HOME"])
     return connect()
+
+
+def test_a_router_of_another_machine_is_taken_whatever_fleet_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ELEA_HOME", str(tmp_path))
+    opened: list[str] = []
+
+    def open_transport(router: str, domain: str) -> AbstractContextManager[MemoryTransport]:
+        opened.append(router)
+        return MemoryTransport(MemoryBus())
+
+    monkeypatch.setattr("services.runtime.client.open_transport", open_transport)
+    with connect("lab", 7450, router="tcp/192.0.2.1:7447") as remote:
+        assert remote.folder is None
+    assert opened == ["tcp/192.0.2.1:7447"]
 
 
 def test_it_drives_and_reads(client: Client) -> None:

@@ -8,13 +8,21 @@ from collections.abc import Iterator
 
 import pytest
 
+from deploy.live import publish
+from deploy.live.message_builder import MessageBuilder
+from deploy.live.publish import PublishRequest
+from deploy.live.subscribers import ClockSubscriber
 from messages.names import Identity
 from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, E_STOP, GOAL_POSE
+from services.runtime.light_node import LightNode
 from services.runtime.log import Log
 from services.runtime.node import Node
+from services.runtime.publisher import Publisher
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
+from tests.harness.memory_node import ManualClock
 from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, speed
 from tests.harness.waiting import wait_until
 
@@ -35,6 +43,23 @@ def node(running: BackgroundFleet) -> Iterator[Node]:
         Node(transport, identity, "tester", Log(identity.node)) as made,
     ):
         yield made
+
+
+def test_while_time_is_paused_one_message_is_sent_and_the_note_tells_of_those_held_back(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bus = MemoryBus()
+    live, simulation = LightNode(MemoryTransport(bus), "pub"), ManualClock(bus)
+    clock = ClockSubscriber(live.transport)
+    simulation.publish(10**9, paused=True)
+    clock.update()
+    output = Publisher(E_STOP, "/e_stop", "e_stop", live.node, live.transport)
+    draft = MessageBuilder(E_STOP.record, ["{data: true}"], True)
+    monkeypatch.setattr(publish, "spin", lambda *_: iter([None] * 3))
+    for count, held in ((1, False), (2, True), (0, True)):
+        asked = PublishRequest("/e_stop", count=count)
+        assert publish._send(live, output, draft, clock, asked, 1.0, "") == 1
+        assert ("no more is published" in capsys.readouterr().err) is held
 
 
 def test_a_robot_drives_until_it_ends(running: BackgroundFleet, node: Node) -> None:

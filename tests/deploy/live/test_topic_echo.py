@@ -4,11 +4,45 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterator
+from contextlib import nullcontext
+from typing import Any
 
 import pytest
 
+from deploy.live import echo as topic_echo
+from deploy.live.echo import EchoFormat, EchoRequest
+from messages.base import encode
+from messages.std import Float64
+from messages.topics import Quality
 from models.yaml_reader import read_yaml
+from services.runtime.light_node import LightNode
+from services.runtime.network_address import NetworkAddress
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_publisher
+
+
+def test_echo_goes_on_after_samples_that_are_not_messagepack(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bus = MemoryBus()
+    live, outlet = LightNode(MemoryTransport(bus), "echo"), MemoryTransport(bus).advertise("json", "", Quality.SENSOR)
+
+    def samples(*_: Any) -> Iterator[None]:
+        for payload in (b'{"a": 1', b'{"b": 2', encode(Float64(data=2.5))):
+            outlet.put(payload, attachment=b"")
+            yield
+        live.stop()
+
+    monkeypatch.setattr(topic_echo, "cli_node", lambda *_: nullcontext(live))
+    monkeypatch.setattr(topic_echo, "spin", samples)
+    publication = LightNode(MemoryTransport(bus), "other")
+    publication.declare_publication("/json", "", "SENSOR")
+    address = NetworkAddress("tcp/127.0.0.1:1", "")
+    assert topic_echo.echo(address, EchoRequest("/json"), EchoFormat()) == 0
+    shown = capsys.readouterr()
+    assert shown.out == "data: 2.5\n---\n"
+    assert "bytes that are not MessagePack are left out" in shown.err
 
 
 def test_echo_of_a_field(running: BackgroundFleet) -> None:

@@ -6,6 +6,7 @@ import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from deploy.report.checks import service_checks
@@ -78,6 +79,18 @@ def _run_checks(tmp_path: Path, mode: str) -> None:
     assert re.search(holds, out)
     assert "missed: /r/student.at_the_end is 0, should be at least 1: it was told at the end\n" in out
     assert "missed: /r/student.never_measured is not measured, should be at least 0\n" in out
+
+
+def test_numbers_of_numpy_count_as_those_of_python() -> None:
+    own = ServiceChecks()
+    stated = own.state("a", np.bool_(True), None, None, "")  # type: ignore[arg-type]
+    assert stated == (Check(name="a", value=1.0, min=1.0),)
+    own.state("b", np.float32(1.5), np.int64(1), np.float64(2.0), "")  # type: ignore[arg-type]
+    assert own.holds("a")
+    assert own.holds("b")
+    for wrong in ("x", np.zeros(2), 10**400):
+        with pytest.raises(BadInput, match="the check 'c' cannot be stated"):
+            own.state("c", wrong, 0.0, 1.0, "")  # type: ignore[arg-type]
 
 
 def test_statements_are_bounded_and_the_last_counts() -> None:

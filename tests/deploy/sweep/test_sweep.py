@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import io
+import os
+import signal
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pyarrow.parquet
 import pytest
 from PIL import Image
 
+from deploy import INTERRUPTED
 from deploy.commands.sweep import check_definition, command
 from deploy.report.record import REPORT_FILE, RunFacts
 from deploy.report.write import build_report, to_json
 from deploy.sweep.definition import SEED, Axis, Definition, read_axes
 from deploy.sweep.picture import choose_axis, draw, make_lines
 from deploy.sweep.results import RESULT_FILE, Result, Row, check_figure, make_row, unit_of, write_tables
-from deploy.sweep.runner import open_folder, pending_runs, read_definition, run_folder
+from deploy.sweep.runner import Sweep, open_folder, pending_runs, read_definition, run_folder
 from services.grader.records import Measurements
 from services.runtime.errors import BadInput
 
@@ -153,6 +158,29 @@ def test_a_picture_has_a_line_for_each_of_the_other_values_and_the_spread_of_see
     assert unit_of("arm.step_settling_s") == "s"
     with pytest.raises(BadInput, match="did you mean 'arm"):
         draw(sweep, rows, "arm.step_setling_s", "a.Kd")
+
+
+def test_a_run_that_is_being_started_is_interrupted_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    definition = swept(seeds="1")
+    signals: list[int] = []
+
+    class Process:
+        def send_signal(self, number: int) -> None:
+            signals.append(number)
+
+        async def wait(self) -> int:
+            return INTERRUPTED
+
+    async def start(*_: Any, **__: Any) -> Process:
+        os.kill(os.getpid(), signal.SIGINT)
+        while not sweep.interrupted:
+            await asyncio.sleep(0)
+        return Process()
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
+    sweep = Sweep(tmp_path, definition, 1, lambda *_: None)
+    asyncio.run(sweep.run(definition.runs))
+    assert signals == [signal.SIGINT]
 
 
 def test_words_are_drawn_in_their_order() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,6 +20,7 @@ from messages.rosgraph import Clock
 from messages.topics import Quality
 from services.bag import mcap_writer
 from services.bag.channel import Channel, quality_of, raw_channel
+from services.bag.info import bag_info
 from services.bag.reader import Bag, Entry, MessageDecoder, is_sidecar, open_bag
 from services.bag.writer import BagWriter
 from tests.services.bag.sample_bags import START, STEP, drive_messages, make_bag, write_messages
@@ -203,6 +205,17 @@ def test_it_goes_on_in_a_folder_that_is_there(tmp_path: Path) -> None:
     with AnyReader([tmp_path / "bag"]) as reader:
         assert reader.message_count == 50, "also for those who go by metadata.yaml"
         assert len(list(reader.messages())) == 50
+
+
+def test_losses_of_all_sessions_of_a_resumed_recording_are_added(tmp_path: Path) -> None:
+    for lost, unwritten in (({"/a": 5}, 3), ({"/a": 1, "/b": 2}, 4), ({}, 0)):
+        with BagWriter(tmp_path / "bag", resume=True) as bag:
+            write_messages(bag, drive_messages(0.1))
+            bag.metadata |= {"lost": json.dumps(lost), "unfit": "{}", "unwritten": str(unwritten), "by": str(unwritten)}
+    found = open_bag(tmp_path / "bag")
+    told = bag_info(found)
+    assert (told.lost, told.unwritten) == ({"/a": 6, "/b": 2}, 7)
+    assert found.metadata["by"] == "0", "of everything else the last file counts"
 
 
 def test_a_torn_file_is_left_out_of_what_others_read_and_not_of_what_we_do(tmp_path: Path) -> None:

@@ -90,9 +90,11 @@ def test_a_controller_that_is_named_twice_is_started_once() -> None:
     assert warnings == []
 
 
-def test_best_effort_leaves_out_what_cannot_be_done() -> None:
+@pytest.mark.parametrize("strictness", [0, 1])
+def test_best_effort_leaves_out_what_cannot_be_done(strictness: int) -> None:
+    """A request of ROS 1 that does not set its strictness has 0."""
     each, warnings = manager()
-    switched(each, ("effort_controller", "nobody", "waist_controller"), ("gripper_controller",), strict=1)
+    switched(each, ("effort_controller", "nobody", "waist_controller"), ("gripper_controller",), strict=strictness)
     assert each.running == ("arm_controller",)
     assert warnings[-1].endswith("waist_controller (arm_controller has waist)")
 

@@ -6,17 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun as rr
 from msgspec.structs import replace
 
 from messages.base import Float32Array
-from messages.geometry import Point, PoseArray, Quaternion, Transform, TransformStamped, Twist, Vector3
+from messages.geometry import Point, PoseArray, PoseStamped, Quaternion, Transform, TransformStamped, Twist, Vector3
 from messages.geometry import Pose as BodyPose
 from messages.nav import MapMetaData, OccupancyGrid
+from messages.nav import Path as Plan
+from messages.rosgraph import Clock
 from messages.se3 import IDENTITY
 from messages.sensor import Image, LaserScan
-from messages.std import ColorRGBA, Duration, Header
+from messages.std import ColorRGBA, Duration, Header, Time
 from messages.tf import TFMessage
-from messages.topics import MAP, TURTLE_POSE, Quality, Topic
+from messages.topics import MAP, TF, TURTLE_POSE, Quality, Topic
 from messages.turtlesim import Pose
 from messages.visualization import Marker, MarkerArray
 from services.logger import SERVICE, LoggerParameters
@@ -29,6 +32,16 @@ from tests.services.logger.recording_reader import columns, entities
 
 RED, SIZE = ColorRGBA(r=1.0, a=1.0), Vector3(x=0.2, y=0.2, z=0.2)
 ENDS = (Point(), Point(x=2.0))
+
+
+def base_at(x: float, seconds: float) -> TFMessage:
+    """Return the pose of the frame ``base`` in the world at a time."""
+    header = Header(stamp=Time.of(round(seconds * 1e9)), frame_id="world")
+    transform = Transform(translation=Vector3(x=x))
+    return TFMessage(transforms=(TransformStamped(header=header, child_frame_id="base", transform=transform),))
+
+
+CUBE_ON_BASE = Marker(header=Header(frame_id="base"), type=Marker.CUBE, scale=SIZE, color=RED)
 
 
 def marker(number: int, kind: int, *points: Point) -> Marker:
@@ -102,6 +115,38 @@ def test_markers_of_all_kinds_are_drawn_and_deleted(tmp_path: Path) -> None:
     assert again.tolist() == [0], "after a reset it is still there"
 
 
+def test_what_replaces_a_drawing_and_cannot_be_drawn_clears_it() -> None:
+    """Planners publish an empty path to clear the last one."""
+    logged: list[tuple[str, int | None, object]] = []
+    scene = DisplayScene(lambda *entry: logged.append(entry), lambda _: IDENTITY, lambda _: None)
+    scene.add("/plan", Plan(), 0)
+    assert logged == [], "nothing is there to be cleared"
+    scene.add("/plan", Plan(poses=(PoseStamped(), PoseStamped())), 10**9)
+    scene.add("/plan", Plan(), 5 * 10**9)
+    entity, time, shape = logged[-1]
+    assert (entity, time, type(shape)) == ("/displays/plan/marker/0", 5 * 10**9, rr.Clear)
+
+
+def test_images_may_have_padded_rows() -> None:
+    logged: list[tuple[str, int | None, object]] = []
+    warned: list[str] = []
+    scene = DisplayScene(lambda *entry: logged.append(entry), lambda _: IDENTITY, warned.append)
+    row = bytes(range(30))
+    scene.add("/padded", Image(height=4, width=10, step=32, data=(row + b"xx") * 4), 0)
+    ((entity, _, shape),) = logged
+    assert entity == "/images/padded"
+    assert isinstance(shape, rr.Image)
+    assert shape.buffer is not None
+    assert shape.buffer.as_arrow_array().to_pylist() == [list(row) * 4]
+    scene.add("/short", Image(height=4, width=10, step=29, data=bytes(116)), 0)
+    scene.add("/flat", Image(height=4), 0)
+    assert len(logged) == 1
+    assert warned == [
+        "/short is not displayed completely: rows of 29 bytes are too short for 10 pixels in rgb8",
+        "/flat is not displayed completely: rows of 0 bytes are too short for 0 pixels in rgb8",
+    ]
+
+
 def test_a_time_before_zero_is_a_time(tmp_path: Path) -> None:
     """A clock that another program sets may begin anywhere."""
     file, step = tmp_path / "run.rrd", 10_000_000
@@ -136,6 +181,39 @@ def test_the_logger_reads_what_others_publish(tmp_path: Path) -> None:
     _, places = columns(file, "/turtles/turtle1/pose", "Transform3D:translation")
     assert [place[0][0] for place in places] == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert len(columns(file, "/displays/drawn/marker/0", "Boxes3D:centers")[0]) == 5
+
+
+def test_markers_in_moving_frames_are_drawn_where_these_are(tmp_path: Path) -> None:
+    """The simulation publishes /tf once the logger subscribes to it, which it does for what may be in such a frame."""
+    file, drawn = tmp_path / "run.rrd", Topic("/drawn", Marker, 0, Quality.EVENT, "")
+    params = LoggerParameters(file=str(file), serve=False, view="never", window=0.02)
+    with run_service(SERVICE, "/", params) as service:
+        service.set_time(0.0)
+        service.join(TURTLE_POSE.named("/turtle1/pose"), "pub")
+        service.set_time(0.2)
+        assert not service.reads(TF), "turtles have no moving frame"
+        service.join(drawn, "pub")
+        service.set_time(0.4)
+        assert service.reads(TF)
+        service.publish(TF, base_at(2.0, 0.5))
+        service.publish(drawn, CUBE_ON_BASE)
+        service.set_time(0.6)
+    _, centres = columns(file, "/displays/drawn/marker/0", "Boxes3D:centers")
+    assert [each[0] for each in centres] == [[2.0, 0.0, 0.0]]
+
+
+def test_a_bag_has_the_moving_frames_of_its_markers(tmp_path: Path) -> None:
+    file = tmp_path / "run.rrd"
+    with RecordingBuilder(file, [], EXTENT, pytest.fail) as built:
+        built.add("/clock", Clock(clock=Time.of(10**9)), 10**9)
+        built.add("/tf", base_at(2.0, 1.0), 10**9)
+        built.add("/drawn", CUBE_ON_BASE, 10**9)
+        built.add("/clock", Clock(clock=Time.of(10**8), epoch=1), 10**8)
+        built.add("/tf", base_at(0.5, 0.1), 10**8)
+        built.add("/drawn", CUBE_ON_BASE, 10**8)
+    for timeline, x in (("sim_time", 2.0), ("sim_time_2", 0.5)):
+        _, centres = columns(file, "/displays/drawn/marker/0", "Boxes3D:centers", timeline)
+        assert centres[-1][0] == [x, 0.0, 0.0]
 
 
 def test_a_bag_shows_what_was_drawn(tmp_path: Path) -> None:

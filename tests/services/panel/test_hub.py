@@ -12,8 +12,8 @@ from messages.geometry import Pose, PoseStamped
 from messages.nav import Path
 from messages.requests import PAUSE
 from messages.simulation import SimTime
-from messages.std import Bool
-from messages.topics import E_STOP, PLAN, STOPS
+from messages.std import Bool, Header, Time
+from messages.topics import E_STOP, PLAN, STOPS, Quality, Topic
 from services.panel.pages import Page
 from services.panel.protocol import MAGIC, Drive, Estop, Goal, Pause, PlotSeries, Subscribe
 from services.runtime.publisher import Publisher
@@ -60,6 +60,33 @@ def test_poses_lie_in_the_world(at: HubHarness) -> None:
     at.spin(0.1)
     pose = at.messages_to(page, "poses")[-1]["at"]["/a"]
     assert pose[3:6] == pytest.approx([1.0, 5.0, 1.5708], abs=1e-3)
+
+
+def test_a_robot_that_is_gone_has_no_pose(at: HubHarness) -> None:
+    page, robot = at.page(), at.robot
+    at.send(page, Subscribe(channels=("poses",)))
+    at.spin(0.2)
+    robot.publish(10**9)
+    at.spin(0.2)
+    assert list(at.messages_to(page, "poses")[-1]["at"]) == ["/a"]
+    robot.node.unregister(robot.truth, robot.odom, robot.status)
+    at.spin(0.2)
+    assert at.messages_to(page, "poses")[-1]["at"] == {}
+
+
+def test_a_stamp_of_another_clock_is_replaced_by_the_time_of_sending(at: HubHarness) -> None:
+    """A stamp of wall time would move the plots' common window to where no other line is."""
+    poses = at.robot.node.advertise(Topic("/seen", PoseStamped, 0, Quality.EVENT, ""))
+    page = at.page()
+    at.send(page, Subscribe(series=(PlotSeries(id=7, topic="/seen", path="pose.position.x"),)))
+    at.spin(0.1)
+    at.robot.publish(10**9)
+    at.spin(0.1)
+    for stamp in (1_700_000_000 * 10**9, 9 * 10**8, 0):
+        poses.publish(PoseStamped(header=Header(stamp=Time.of(stamp)), pose=Pose.planar(1.0, 0.0)))
+    at.spin(0.1)
+    (frame,) = [each for each in page.drain() if isinstance(each, bytes)]
+    assert struct.unpack_from("<3d", frame, 24) == (1.0, 0.9, 1.0)
 
 
 def test_samples_come_once_each_and_only_while_they_are_wanted(at: HubHarness) -> None:

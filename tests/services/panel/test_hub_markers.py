@@ -17,9 +17,9 @@ from messages.geometry import (
     Vector3,
 )
 from messages.nav import MapMetaData, OccupancyGrid, Path
-from messages.std import ColorRGBA, Duration, Header
+from messages.std import ColorRGBA, Duration, Header, Time
 from messages.tf import TFMessage
-from messages.topics import CMD_VEL, MAP, PLAN, TF_STATIC, TURTLE_POSE, Quality, Topic
+from messages.topics import CMD_VEL, MAP, PLAN, TF, TF_STATIC, TURTLE_POSE, Quality, Topic
 from messages.turtlesim import Pose as TurtlePose
 from messages.visualization import Marker, MarkerArray
 from services.panel.protocol import Drive, Subscribe
@@ -91,6 +91,70 @@ def test_a_marker_is_gone_after_its_lifetime_of_simulated_time(at: HubHarness) -
     at.send(late, Subscribe(channels=("markers",)))
     at.spin(0.2)
     assert [each["id"] for each in at.messages_to(late, "markers")[-1]["shapes"]] == ["/drawn way 0"]
+
+
+def test_a_lifetime_counts_while_no_page_is_open(at: HubHarness) -> None:
+    drawn, page, second = at.robot.node.advertise(MARKERS), at.page(), 10**9
+    at.send(page, Subscribe(channels=("markers",)))
+    at.spin(0.2)
+    at.robot.publish(10 * second)
+    at.spin(0.2)
+    at.board.close_page(page)
+    at.spin(0.2)
+    at.robot.publish(100 * second)
+    at.spin(0.2)
+    drawn.publish(MarkerArray(markers=(replace(BOX, lifetime=Duration(sec=20)),)))
+    at.spin(0.2)
+    late = at.page()
+    at.send(late, Subscribe(channels=("markers",)))
+    at.spin(0.2)
+    at.robot.publish(101 * second)
+    at.spin(0.3)
+    (told,) = at.messages_to(late, "markers")
+    assert [each["id"] for each in told["shapes"]] == ["/drawn box 7"]
+    at.robot.publish(121 * second)
+    at.spin(0.3)
+    assert at.messages_to(late, "markers")[-1]["gone"] == ["/drawn box 7"]
+
+
+def placed(frame: str, x: float, seconds: float = 0.0) -> TFMessage:
+    """Return the pose of a frame in the world at a time."""
+    header = Header(stamp=Time.of(round(seconds * 1e9)), frame_id="world")
+    transform = Transform(translation=Vector3(x=x))
+    return TFMessage(transforms=(TransformStamped(header=header, child_frame_id=frame, transform=transform),))
+
+
+def test_after_a_reset_the_frames_of_the_run_before_are_gone(at: HubHarness) -> None:
+    drawn, frames, page = at.robot.node.advertise(MARKERS), at.robot.node.advertise(TF), at.page()
+    on_base = MarkerArray(markers=(replace(LINE, header=Header(frame_id="base")),))
+    at.send(page, Subscribe(channels=("clock", "markers")))
+    at.spin(0.2)
+    for seconds, epoch, x in ((100.0, 0, 50.0), (1.0, 1, 3.0)):
+        at.robot.publish(round(seconds * 1e9), epoch=epoch)
+        at.spin(0.2)
+        frames.publish(placed("base", x, seconds))
+        at.spin(0.2)
+        drawn.publish(on_base)
+        at.spin(0.2)
+        (line,) = at.messages_to(page, "markers")[-1]["shapes"]
+        assert line["outlines"] == [[x, 0.0, x + 2.0, 0.0]]
+
+
+def test_what_is_shown_moves_when_its_frame_becomes_known(at: HubHarness) -> None:
+    """Latched maps and paths are sent once, and nodes of a launch file start in any order."""
+    drawn, frames, page = at.robot.node.advertise(MARKERS), at.robot.node.advertise(TF_STATIC, "/tf_static"), at.page()
+    at.send(page, Subscribe(channels=("markers",)))
+    at.spin(0.2)
+    drawn.publish(MarkerArray(markers=(replace(LINE, header=Header(frame_id="map")), BOX)))
+    at.spin(0.2)
+    assert at.messages_to(page, "markers")[-1]["shapes"][0]["outlines"] == [[0.0, 0.0, 2.0, 0.0]]
+    frames.publish(placed("map", 10.0))
+    at.spin(0.2)
+    (told,) = at.messages_to(page, "markers")
+    assert [(each["id"], each["outlines"]) for each in told["shapes"]] == [("/drawn way 0", [[10.0, 0.0, 12.0, 0.0]])]
+    frames.publish(placed("other", 10.0))
+    at.spin(0.2)
+    assert at.messages_to(page, "markers") == [], "nothing is drawn in that frame"
 
 
 def test_paths_poses_and_maps_are_drawn_in_the_world_but_not_what_is_drawn_anyway(at: HubHarness) -> None:

@@ -1,4 +1,4 @@
-"""A hundred robots on the page, from messages of the test without a fleet: drawing and lists."""
+"""Robots on the page, mostly a hundred, from messages of the test without a fleet: drawing, lists, keys."""
 
 from __future__ import annotations
 
@@ -129,6 +129,31 @@ def test_lists_of_a_hundred_are_filtered(page: Page) -> None:
         page.fill("input[placeholder='Filter processes']", text)
         expect(listed).to_have_count(count)
     expect(page.locator("#view-processes .toolbar")).to_contain_text("105 processes")
+
+
+def test_a_held_key_and_a_goal_do_not_pass_to_another_robot_when_theirs_is_gone(page: Page) -> None:
+    page.evaluate(TELL, [2, 1])
+    page.evaluate(
+        """() => {
+          window.sent = [];
+          window.elea.link.send = (message) => window.sent.push(message);
+        }"""
+    )
+    page.click("[data-robot='/tb3_0'] .pick")
+    page.keyboard.down("w")
+    assert page.evaluate("[window.sent.at(-1).k, window.sent.at(-1).robot]") == ["drive", "/tb3_0"]
+    last, aim, chosen, count = page.evaluate(
+        """() => {
+          const { link, map } = window.elea;
+          map.aim = { x: 1, y: 0, yaw: 0, px: 0, py: 0 };
+          link.emit("robots", { robots: window.robots.slice(1), all_stopped: false });
+          return [window.sent.at(-1).k, map.aim, map.selected, window.sent.length];
+        }"""
+    )
+    assert (last, aim, chosen) == ("release", None, "/tb3_1")
+    page.keyboard.up("w")
+    assert page.evaluate("window.sent.length") == count, "the key has to be pressed again"
+    page.evaluate("delete window.elea.link.send")
 
 
 @pytest.mark.bench

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from messages.nav import Odometry
 from messages.rosgraph import Clock
 from messages.sensor import Imu, LaserScan
 from messages.std import Float32, Header, Time, stamp_of
+from services import panel
 from services.panel.address import Address, read_address, token_for, write_address
 from services.panel.channels import ProcessUsage
 from services.panel.clock import SimTimeMap
@@ -28,6 +30,7 @@ from services.panel.protocol import MAGIC, Samples, pack_samples
 from services.panel.server import listen
 from services.runtime.errors import BadInput
 from services.runtime.field_path import parse_path
+from services.runtime.parameters.validation import build
 from services.runtime.transport.wire import SampleInfo
 
 ODOMETRY = Odometry(
@@ -221,3 +224,12 @@ def test_usage_is_measured_while_a_process_lives() -> None:
         child.communicate(b"\n")
     usage.measure(pids)
     assert set(usage.by_name) == {"own"}
+
+
+def test_the_page_waits_longer_for_an_answer_than_the_panel() -> None:
+    """The panel's own error names the reason."""
+    script = Path(panel.__file__).parent / "static" / "js" / "link.js"
+    found = re.search(r"const DEADLINE = (\d+);", script.read_text())
+    assert found is not None
+    with pytest.raises(BadInput, match="deadline"):
+        build(panel.PanelParameters, {"deadline": int(found[1]) / 1000})

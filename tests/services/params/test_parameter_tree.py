@@ -150,6 +150,22 @@ def test_a_tree_that_would_be_too_large_is_refused() -> None:
     assert len(server.names(Empty()).names) == 4
 
 
+def test_changes_that_wait_and_characters_that_json_escapes_count_for_the_size_of_the_tree() -> None:
+    told: list[RosparamTree] = []
+    server = ParameterTreeServer(told.append)
+    server.set(asked("/a", "x" * 3_000_000, writer="/a", number=1, time=0))
+    with pytest.raises(BadInput, match="nothing was changed"):
+        server.set(asked("/b", "x" * 3_000_000, writer="/b", number=1, time=0))
+    with pytest.raises(BadInput, match="nothing was changed"):
+        server.set(RosparamSet(key="/c", value=json.dumps("ü" * 1_000_000, ensure_ascii=False)))
+    server.tick(0, reset=False)
+    server.delete(RosparamDelete(key="/a"))
+    server.set(asked("/b", "x" * 3_000_000, writer="/b", number=2, time=100))  # the first one no longer waits
+    server.tick(200, reset=False)
+    assert server.names(Empty()).names == ("/b",)
+    assert all(len(each.tree) <= MAX_TREE_BYTES for each in told)
+
+
 def test_changes_of_a_tick_count_in_the_order_of_time_and_writer() -> None:
     """This holds for any order of arrival, before or after the service's own tick at that time."""
     changes = [

@@ -70,3 +70,18 @@ def test_a_node_is_pinged_as_often_as_asked(load: Load, monkeypatch: pytest.Monk
     with pytest.raises(SystemExit) as ended:
         rosnode_command.ping(["-a"])
     assert ended.value.code == 2
+
+
+def test_an_empty_argument_of_a_service_is_an_empty_text(load: Load, capsys: pytest.CaptureFixture[str]) -> None:
+    rosservice_command = load("rosservice_command")
+    import rospy
+    from std_srvs.srv import Empty
+    from turtlesim.srv import Spawn
+
+    rospy.init_node("rosservice", anonymous=True)  # as the command does
+    rospy.Service("/spawn", Spawn, lambda asked: asked.name or f"turtle2 at {asked.x:.0f}, {asked.y:.0f}")
+    rospy.Service("/reset", Empty, lambda _: [])
+    rosservice_command.call(["/spawn", "2", "3", "0.2", ""])
+    rosservice_command.call(["/spawn", "[2, 3, 0.2, leo]"])
+    rosservice_command.call(["/reset", ""])
+    assert capsys.readouterr().out.split("\n") == ['name: "turtle2 at 2, 3"', 'name: "leo"', "", ""]

@@ -64,6 +64,11 @@ def test_messages_with_near_stamps_come_together(capfd: pytest.CaptureFixture[st
     ):
         sources[index].signalMessage(at(time))
     assert out == [[1, 1.05, 1.02], [2.03, 2.06, 2.04], [5, 5, 5]]
+    short = message_filters.ApproximateTimeSynchronizer(sources[:2], 1, 0.2)
+    short.registerCallback(lambda *messages: out.append(seconds(*messages)))
+    for index, time in ((1, 9), (0, 10), (0, 9.1), (1, 10)):  # 9.1 is older than the only one that is kept
+        sources[index].signalMessage(at(time))
+    assert out[3:] == [[10, 10]]
     sources[0].signalMessage(String("x"))
     assert "allow_headerless=True" in capfd.readouterr().err
 
@@ -156,6 +161,16 @@ def test_images_go_to_arrays_and_back(monkeypatch: pytest.MonkeyPatch) -> None:
     depth = np.array([[1.5, np.nan]], dtype=np.float32)
     assert bridge.cv2_to_imgmsg(depth).encoding == "32FC1"
     assert bridge.imgmsg_to_cv2(bridge.cv2_to_imgmsg(depth, "32FC1"), "passthrough")[0, 0] == 1.5
+    for given, source, target, wanted in (
+        ([1000, 65535], np.uint16, "8UC1", [4, 255]),
+        ([2, 255], np.uint8, "16UC1", [514, 65535]),
+        ([-257, 2570], np.int16, "8UC1", [0, 10]),
+        ([2.7, -1, 300, np.nan], np.float32, "8UC1", [3, 0, 255, 0]),
+        ([2.7, -1, 300, np.inf], np.float32, "16UC1", [3, 0, 300, 65535]),
+        ([1, 65535], np.uint16, "32FC1", [1, 65535]),
+    ):
+        image = bridge.cv2_to_imgmsg(np.array([given], source))
+        assert bridge.imgmsg_to_cv2(image, target).tolist() == [wanted]
     padded = Image(height=2, width=1, encoding="mono16", is_bigendian=1, step=4, data=b"\x01\x02xx\x03\x04")
     assert bridge.imgmsg_to_cv2(padded).tolist() == [[0x0102], [0x0304]]
     uyvy = Image(height=1, width=2, encoding="yuv422", step=4, data=bytes([128, 16, 128, 235]))

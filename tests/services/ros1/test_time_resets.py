@@ -47,6 +47,24 @@ def test_a_buffer_forgets_what_moved(kernel: ScriptKernel) -> None:
     assert buffer.can_transform("odom", "map", rospy.Time(0))
 
 
+def test_time_is_read_while_no_other_message_is_checked(kernel: ScriptKernel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the thread of another topic could note a later time in between, which looked like a jump back."""
+    import tf2_ros
+    from rospy import rostime
+
+    listener = tf2_ros.TransformListener(tf2_ros.Buffer())
+    locked: list[bool] = []
+    read = rostime.peek
+
+    def peek() -> int:
+        locked.append(listener.last_update_lock.locked())
+        return read()
+
+    monkeypatch.setattr(rostime, "peek", peek)
+    listener.check_for_reset()
+    assert locked == [True]
+
+
 def test_goals_are_taken(kernel: ScriptKernel) -> None:
     import actionlib
     import rospy

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from messages.topics import ROSOUT
 from services.runtime import CMD_VEL, GOAL_POSE, ODOM, BadInput, Context, Odometry, Parameters, Service, Twist, param
 from services.runtime.testing import run_service
 
@@ -84,6 +85,49 @@ def test_what_the_loop_raises_is_raised() -> None:
 
     with pytest.raises(ZeroDivisionError, match="a bug"):
         play()
+
+
+def test_any_value_can_be_logged() -> None:
+    def talk(ctx: Context[Any]) -> None:
+        for tick in ctx.ticks():
+            for each in (Path("/map.yaml"), 3.5, {"a": 1}, "bad \udcff", "é" * 100_000, tick.reset):
+                ctx.log.info(each)
+
+    with run_service(talk, rate=25) as service:
+        service.set_time(0.04)
+        said = [each.msg for each in service.drain(ROSOUT)]
+        assert service.running
+        assert "é" * 100_000 in service.log, "the line on stderr is whole"
+        assert "bad \udcff" in service.log
+    assert said[:4] == ["/map.yaml", "3.5", "{'a': 1}", "bad ?"]
+    assert said[4] == "é" * 9_999 + "…"
+    assert said[5] == "False"
+
+
+WITH_STATE = """
+from services.runtime import Service, main
+
+seen = []
+
+
+def run(ctx):
+    for tick in ctx.ticks():
+        import beside_it
+        seen.append(tick)
+        ctx.log.info(f"tick {len(seen)} of {beside_it.NAME}")
+
+
+main(Service(name="mine", about="Mine.", run=run, rate=25))
+"""
+
+
+def test_a_file_starts_afresh_and_imports_from_its_folder_in_its_loop(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(WITH_STATE)
+    (tmp_path / "beside_it.py").write_text('NAME = "mine"\n')
+    for _ in range(2):
+        with run_service(tmp_path / "mine.py") as service:
+            service.set_time(0.04)
+            assert [each.msg for each in service.drain(ROSOUT)] == ["tick 1 of mine"]
 
 
 def test_parameters_out_of_bounds_and_files_without_a_service_are_refused(tmp_path: Path) -> None:

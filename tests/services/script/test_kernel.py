@@ -123,6 +123,52 @@ def test_a_call_waits_for_time_to_begin() -> None:
         assert answers == [b"x"]
 
 
+def test_a_call_is_answered_while_the_handler_waits_in_another() -> None:
+    with memory_kernel() as kernel:
+        kernel.start("/server", "/", "script")
+        on, answers = list[bool](), list[bytes]()
+
+        def handle(payload: bytes) -> bytes:
+            if payload == b"drive":
+                on.append(True)
+                kernel.wake()
+                return payload if kernel.wait_until(lambda: not on, WITHIN_S) else b"late"
+            on.clear()
+            kernel.wake()
+            return payload
+
+        kernel.serve("/switch", "std_srvs/SetBool", handle)
+        assert kernel.wait_until(lambda: kernel.service_type("/switch") is not None, WITHIN_S)
+
+        def drive() -> None:
+            answers.append(kernel.call("/switch", "std_srvs/SetBool", b"drive", WITHIN_S))
+
+        driving = kernel.spawn(drive, "drive")
+        assert kernel.wait_until(lambda: bool(on), WITHIN_S)
+        answers.append(kernel.call("/switch", "std_srvs/SetBool", b"stop", WITHIN_S))
+        driving.join()
+        assert sorted(answers) == [b"drive", b"stop"]
+
+
+def test_a_service_goes_on_after_a_handler_that_exits_and_refuses_calls_that_wait_when_it_is_closed() -> None:
+    def handle(payload: bytes) -> bytes:
+        if payload == b"exit":
+            raise SystemExit(1)
+        return payload
+
+    with memory_kernel() as kernel:
+        kernel.start("/server", "/", "script")
+        server = kernel.serve("/quit", "std_srvs/Empty", handle)
+        assert kernel.wait_until(lambda: kernel.service_type("/quit") is not None, WITHIN_S)
+        with pytest.raises(ServiceRefused, match="SystemExit"):
+            kernel.call("/quit", "std_srvs/Empty", b"exit", WITHIN_S)
+        assert kernel.call("/quit", "std_srvs/Empty", b"on", WITHIN_S) == b"on"
+        server.close()
+        refused = list[bytes]()
+        server.put(b"late", refused.append, refused.append)
+        assert b"has been shut down" in refused[0]
+
+
 def test_latched_messages_reach_every_new_receiver() -> None:
     bus, got = MemoryBus(), list[tuple[str, bytes, bool]]()
     with memory_kernel(bus) as talker, memory_kernel(bus, install=False) as listener:
@@ -137,6 +183,30 @@ def test_latched_messages_reach_every_new_receiver() -> None:
             )
             assert listener.wait_until(lambda name=name: any(each[0] == name for each in got), WITHIN_S)  # type: ignore[misc]
         assert got == [("first", b"map", True), ("second", b"map", True)]
+
+
+def test_latched_messages_of_a_node_that_has_ended_reach_no_new_receiver() -> None:
+    bus, got = MemoryBus(), list[tuple[str, bytes]]()
+    with memory_kernel(bus) as listener:
+        listener.start("/listener", "/", "script")
+
+        def subscribe(name: str) -> None:
+            listener.subscribe("/map", "nav_msgs/MapMetaData", lambda payload, _: got.append((name, payload)))
+
+        with memory_kernel(bus, install=False) as talker:
+            talker.start("/talker", "/", "script")
+            talker.advertise("/map", "nav_msgs/MapMetaData", latched=True).publish(b"old")
+            subscribe("first")
+            assert listener.wait_until(lambda: got == [("first", b"old")], WITHIN_S)
+        assert listener.wait_until(lambda: not listener.endpoint_nodes("pub", "/map"), WITHIN_S)
+        subscribe("second")
+        with memory_kernel(bus, install=False) as talker:
+            talker.start("/talker", "/", "script")
+            talker.advertise("/map", "nav_msgs/MapMetaData", latched=True).publish(b"new")
+            assert listener.wait_until(lambda: len(got) >= 3, WITHIN_S)
+            subscribe("third")
+            assert listener.wait_until(lambda: ("third", b"new") in got, WITHIN_S)
+    assert got == [("first", b"old"), ("first", b"new"), ("second", b"new"), ("third", b"new")]
 
 
 def test_hooks_publish_before_what_waits_is_ended() -> None:

@@ -11,6 +11,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+import yaml
 
 from services.script.loader import ScriptLoader, loop_pass, pin_randomness, python2_builtins
 from services.script.workspace import workspace_of
@@ -105,6 +106,52 @@ def test_opencv_without_a_display_shows_nothing_and_goes_on(
     found = run(folder, source, {"time": ours})
     assert (found["key"], found["same"], waits) == (255, 5, [0.03, 0.03])
     assert capfd.readouterr().err.count("cv2.imshow: no window can be opened here") == 1
+
+
+@pytest.fixture
+def libraries() -> Iterator[None]:
+    """Restores numpy and yaml, which a script's import adapts."""
+    before = [(vars(each), dict(vars(each))) for each in (np, yaml)]
+    yield
+    for names, kept in before:
+        for name in [name for name, value in names.items() if name not in kept and not isinstance(value, ModuleType)]:
+            del names[name]
+        names.update(kept)
+
+
+NAMES_OF_NUMPY = """
+import numpy
+import numpy as np
+pixels = np.zeros(3, np.uint8)
+data = pixels.tostring()
+again = np.fromstring(data, np.uint8)
+again[0] = 7
+typed = np.fromstring("1 2 3", dtype=int, sep=" ").tolist()
+text = np.fromstring("ab", np.uint8).tolist()
+names = [np.float, np.int, np.Inf, np.float_, np.product([2, 3]), np.trapz([1, 1]), np.in1d([1, 5], [5]).tolist()]
+class Own:
+    def tostring(self):
+        return "own"
+    def tobytes(self):
+        return "bytes"
+own = Own().tostring()
+"""
+
+
+def test_libraries_have_the_names_of_ros_1_s_time(folder: Path, libraries: None) -> None:
+    found = run(folder, NAMES_OF_NUMPY)
+    assert (found["data"], found["own"]) == (b"\0\0\0", "own")
+    assert found["again"].tolist() == [7, 0, 0]  # type: ignore[attr-defined]
+    assert (found["typed"], found["text"]) == ([1, 2, 3], [97, 98])
+    assert found["names"] == [float, int, float("inf"), np.float64, 6, 1.0, [False, True]]
+    found = run(
+        folder,
+        "import yaml\nfrom yaml import load\none = yaml.load('a: 1')\ntwo = load('[2]')\n"
+        "three = yaml.load('3', Loader=yaml.SafeLoader)\nfour = list(yaml.load_all('4', yaml.SafeLoader))\n",
+    )
+    assert [found[each] for each in ("one", "two", "three", "four")] == [{"a": 1}, [2], 3, [4]]
+    with pytest.raises(AttributeError, match="no attribute 'tostring'"):
+        run(folder, "None.tostring()\n")
 
 
 def test_modules_of_python_2_are_those_of_today(folder: Path) -> None:

@@ -317,3 +317,80 @@ def test_others_go_on_while_a_thread_waits_for_something_outside() -> None:
         assert "/checks" in [each.name for each in kernel.node.publishers]
 
     assert run_scripts({"body": body}, 40)["body"][1:] == ["key"]
+
+
+def test_a_service_may_shut_itself_down_in_its_handler() -> None:
+    def serve(kernel: ScriptKernel, written: list[str]) -> None:
+        def handle(payload: bytes) -> bytes:
+            server.close()
+            kernel.sleep_until(kernel.now() + 20 * MS)
+            return payload * 2
+
+        server = kernel.serve("/once", "std_srvs/Trigger", handle)
+        kernel.sleep_until(200 * MS)
+
+    def call(kernel: ScriptKernel, written: list[str]) -> None:
+        kernel.wait_until(lambda: kernel.service_type("/once") is not None)
+        for payload in (b"1", b"2"):
+            try:
+                written.append(repr(kernel.call("/once", "std_srvs/Trigger", payload)))
+            except ServiceUnavailable as error:
+                written.append(str(error))
+            kernel.sleep_until(kernel.now() + 20 * MS)
+
+    written = run_scripts({"server": serve, "caller": call}, 60)
+    assert written["caller"] == ["b'11'", "service [/once] unavailable"]
+
+
+def test_calls_are_answered_while_a_handler_waits_in_others() -> None:
+    """Also one that arrives in the same tick, and those of the server's own script."""
+
+    def serve(kernel: ScriptKernel, written: list[str]) -> None:
+        on: list[bytes] = []
+
+        def handle(payload: bytes) -> bytes:
+            written.append(f"{kernel.now() // MS} {payload!r}")
+            if payload.startswith(b"start"):
+                on.append(payload[-1:])
+                kernel.wait_until(lambda: payload[-1:] not in on)
+            else:
+                on.remove(payload[-1:])
+            return payload
+
+        def call(payload: bytes) -> None:
+            written.append(f"{kernel.now() // MS} {kernel.call('/switch', 'std_srvs/SetBool', payload)!r}")
+
+        kernel.serve("/switch", "std_srvs/SetBool", handle)
+        kernel.sleep_until(120 * MS)
+        kernel.spawn(lambda: call(b"start 3"), "start")
+        kernel.sleep_until(150 * MS)
+        call(b"stop 3")
+        kernel.sleep_until(200 * MS)
+
+    def caller(*calls: tuple[int, bytes]) -> Body:
+        def call(kernel: ScriptKernel, written: list[str]) -> None:
+            kernel.wait_until(lambda: kernel.service_type("/switch") is not None)
+            for at, payload in calls:
+                kernel.sleep_until(at * MS)
+                answer = kernel.call("/switch", "std_srvs/SetBool", payload)
+                written.append(f"{kernel.now() // MS} {answer!r}")
+
+        return call
+
+    bodies: dict[str, Body] = {"a": caller((20, b"start 1")), "b": caller((20, b"start 2")), "server": serve}
+    bodies["c"] = caller((60, b"stop 2"), (90, b"stop 1"))
+    first = run_scripts(bodies, 60, seed=1)
+    assert first == run_scripts(bodies, 60, seed=2)
+    assert [first[each] for each in "abc"] == [
+        ["110 b'start 1'"],
+        ["80 b'start 2'"],
+        ["80 b'stop 2'", "110 b'stop 1'"],
+    ]
+    assert first["server"][2:] == [
+        "70 b'stop 2'",
+        "100 b'stop 1'",
+        "120 b'start 3'",
+        "150 b'stop 3'",
+        "150 b'stop 3'",
+        "120 b'start 3'",
+    ]

@@ -178,6 +178,18 @@ def test_a_service_that_comes_late_or_again_gets_the_own_values() -> None:
     assert network.server.has(_key("/own/b")).data
 
 
+def test_changes_without_a_service_are_kept_once_per_key() -> None:
+    network = Network()
+    kernel, alone = script(network, "/a")
+    for number in range(50):
+        alone.set("/count", number)
+    assert (len(alone._pending), alone.get("/count")) == (0, 49)
+    network.begin()
+    kernel.follow()
+    assert network.server is not None
+    assert network.server.has(_key("/count")).data
+
+
 def test_a_refused_change_is_taken_back() -> None:
     network = Network()
     network.begin(kept=1)

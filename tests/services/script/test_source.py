@@ -104,6 +104,19 @@ def test_errors_have_the_lines_of_the_file(tmp_path: Path, capsys: pytest.Captur
     with pytest.raises(ValueError, match="b") as other:
         run(file, capsys)
     assert other.traceback[-1].lineno == 5
+    for source, line in (
+        ("x = (1)\ny = [\n    x,\n].tostring()\n", 4),
+        ("x = [\n    1,\n    None\n    .tostring(\n    ),\n]\n", 4),
+        ("x = 1\nx.tostring()\n", 2),
+    ):
+        with case(source):
+            file.write_text(source)
+            with pytest.raises(AttributeError) as missing:
+                run(file, capsys)
+            entries = [each for each in missing.traceback if each.path == file]
+            with pytest.raises(AttributeError) as plain:
+                exec(compile(source, str(file), "exec"), {})
+            assert [each.lineno + 1 for each in entries] == [line] == [plain.traceback[-1].lineno + 1]
     for source, line in (("x = 1\ndef f(:\n    pass\n", 2), ("print 'a'\nx = = 2\n", 2), ("x = '\0'\n", 1)):
         with case(source):
             file.write_text(source)

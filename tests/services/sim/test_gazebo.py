@@ -38,6 +38,7 @@ from messages.geometry import Point, Pose, Quaternion, Twist, Vector3, Wrench
 from messages.se3 import Pose3
 from messages.std import Duration
 from messages.std_srvs import Empty as EmptyService
+from messages.topics import IMU, ODOM
 from messages.topics import SET_LINK_STATE as SET_LINK_STATE_TOPIC
 from messages.topics import SET_MODEL_STATE as SET_MODEL_STATE_TOPIC
 from models.bodies import BoxShape
@@ -46,11 +47,14 @@ from models.shape_mesh import shape_mesh
 from services.runtime.errors import CallFailed
 from services.runtime.requests import call
 from services.runtime.transport.memory import MemoryTransport
+from tests import models
 from tests.harness.waiting import wait_until
 from tests.services.sim.joints.joint_simulation import JointSimulation, robot_entry, run_joint_simulation
 
 NO_TURN = Quaternion(w=0.0)
 """The orientation of a ROS 1 message in which it wasn't set."""
+COURIER = (Path(models.__file__).parent / "robots/courier.urdf").read_text()
+"""A robot with a differential drive, a laser and an IMU, whose topics have names of their own."""
 BOX = """<?xml version="1.0"?>
 <sdf version="1.6"><model name="box">{static}
   <link name="link"><pose>0 0 0.25 0 0 0</pose>
@@ -172,6 +176,15 @@ def test_in_real_time_a_pushed_joint_is_seen_after_a_step() -> None:
             assert not waits.done()
             on.run(0.005)
             assert abs(waits.result(20.0).rate[0] - before) > 1e-3
+        on.call(APPLY_JOINT_EFFORT, gz.ApplyJointEffort(joint_name="bear_link", effort=50.0))
+        with ThreadPoolExecutor(1) as pool:
+            waits = pool.submit(call, MemoryTransport(on.bus), GET_JOINT_PROPERTIES, key, asked, 20.0)
+            wait_until(lambda: any(each.waiting for each in on.node.request_handlers))
+            on.node.spin_once()
+            assert not waits.done()
+            on.call(PAUSE_PHYSICS, EmptyService())
+            assert waits.result(20.0).success, "a pause answers it, too: no step comes"
+        on.call(UNPAUSE_PHYSICS, EmptyService())
         on.call(APPLY_JOINT_EFFORT, gz.ApplyJointEffort(joint_name="arm/bear_link", effort=50.0))
         unknown = on.call(GET_JOINT_PROPERTIES, gz.GetJointProperties(joint_name="nobody"))
         assert not unknown.success, "it is answered before the step"
@@ -341,3 +354,66 @@ def test_time_and_physics() -> None:
         assert on.simulation.tick > 0
         on.call(RESET_SIMULATION, EmptyService())
         assert on.simulation.tick == 0
+
+
+def courier(name: str = "r", *replacements: tuple[str, str], **more: Any) -> gz.SpawnModel:
+    """Return the request for a courier in a namespace of its own, with changes of its URDF."""
+    urdf = COURIER
+    for old, new in replacements:
+        assert old in urdf
+        urdf = urdf.replace(old, new)
+    return gz.SpawnModel(model_name=name, model_xml=urdf, robot_namespace=name, **more)
+
+
+def test_each_topic_of_a_robot_has_one_publication_whatever_its_tags_say() -> None:
+    """Names of other topics, and the same second name of two topics."""
+    with run_joint_simulation(robot_entry("arm", "arm", y=5.0)) as on:
+        odometry = on.subscribe(ODOM, "/r/odom")
+        strange = courier("r", ("pose_truth", "odom"), ("imu/data", "data"), ("laser/scan", "data"))
+        for _ in range(2):
+            made = on.call(SPAWN_URDF_MODEL, strange)
+            assert made.success, made.status_message
+            topics = [(each.name, each.topic.name) for each in on.node.publishers]
+            assert ("/r/data", IMU.name) in topics
+            assert len(dict(topics)) == len(topics)
+            on.run(0.3)
+            gone = on.call(DELETE_MODEL, gz.DeleteModel(model_name="r"))
+            assert gone.success, gone.status_message
+            assert not [each.name for each in on.node.publishers if each.name.startswith("/r/")]
+        odometry.update()
+        assert {each.header.frame_id for each, _ in odometry.messages} == {"r/odom_wheels"}
+
+
+def test_a_spawn_that_fails_late_leaves_nothing_behind() -> None:
+    with run_joint_simulation(robot_entry("arm", "arm", y=5.0)) as on:
+
+        def ends() -> tuple[list[str], list[str], tuple[str, ...]]:
+            node = on.node
+            return [e.name for e in node.publishers], [e.name for e in node.subscribers], on.simulation.world.names
+
+        before = ends()
+        refused = on.call(SPAWN_URDF_MODEL, courier("r", ("laser/scan", "s" * 245)))
+        assert "a name has at most 247" in refused.status_message
+        assert ends() == before
+        made = on.call(SPAWN_URDF_MODEL, courier("r", ("laser/scan", "laser/1/scan")))
+        assert made.success, made.status_message
+
+
+def test_an_imported_robot_is_moved_onto_the_ground() -> None:
+    with run_joint_simulation(robot_entry("tb3", "burger")) as on:
+        made = on.call(SPAWN_URDF_MODEL, courier("r", initial_pose=at(3.0, 0.0)))
+        assert made.success, made.status_message
+        height = place(on, "r")[2]
+        assert height > 0.01
+
+        def move(name: str, z: float) -> gz.SetModelStateResponse:
+            state = gz.ModelState(model_name=name, pose=at(5.0, 2.0, z))
+            return on.call(SET_MODEL_STATE, gz.SetModelState(model_state=state))
+
+        moved = move("r", 0.0)
+        assert moved.success, moved.status_message
+        assert place(on, "r") == pytest.approx((5.0, 2.0, height), abs=1e-4)
+        assert move("r", 0.5).success
+        assert place(on, "r")[2] == pytest.approx(0.5)
+        for name in ("r", "tb3"):
+            assert "would overlap with the ground" in move(name, -0.05).status_message

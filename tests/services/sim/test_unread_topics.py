@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from messages.topics import IMU, JOINT_STATES, ODOM, ROBOT_DESCRIPTION, SCAN, TF
+from messages.topics import CAMERA_INFO, IMAGE, IMU, JOINT_STATES, ODOM, ROBOT_DESCRIPTION, SCAN, TF
 from services.runtime.subscriber import Subscriber
 from tests.services.sim.drive.simulation_harness import NAME, run_simulation
 
@@ -34,3 +34,14 @@ def test_a_reader_gets_every_sample_from_when_it_began_and_before_that_none_is_m
             "wheel_right_link",
         }, "odometry that was due before is there from the first message on"
         assert sent[f"/{NAME}/{ROBOT_DESCRIPTION.name}"].sent == 1
+
+
+def test_the_calibration_of_a_camera_needs_no_subscriber_of_its_images() -> None:
+    with run_simulation("waffle") as world:
+        world.subscribe(CAMERA_INFO)
+        world.run(1.0)
+        told = world.received(CAMERA_INFO)
+        assert len(told) in (10, 11)
+        assert {each.header.frame_id for each in told} == {f"{NAME}/camera_rgb_optical_frame"}
+        sent = {each.name: each.sent for each in world.node.publishers}
+        assert sent[f"/{NAME}/{IMAGE.name}"] == 0

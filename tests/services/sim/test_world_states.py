@@ -2,7 +2,15 @@
 
 import pytest
 
+from messages import gazebo_msgs as gz
 from messages.elea import ModelState
+from messages.gazebo_services import (
+    APPLY_BODY_WRENCH,
+    GET_LINK_STATE,
+    GET_MODEL_PROPERTIES,
+    GET_MODEL_STATE,
+    SET_LINK_STATE,
+)
 from messages.geometry import Twist
 from messages.requests import GET_STATE, RESET, SET_STATE, WORLD_PROPERTIES
 from messages.se3 import Pose3
@@ -83,3 +91,19 @@ def test_a_movable_body_is_asked_for_and_moved_as_a_model_is() -> None:
         with pytest.raises(CallFailed, match=r"'ball' at .* would overlap with wall"):
             on.call(SET_STATE, SetModelState(name="ball", pose=Pose3((5.0, 0.0, 0.3)).to_msg()))
         assert on.call(WORLD_PROPERTIES, Empty()).obstacles == ("ball", "wall", "cart")
+
+
+def test_gazebo_s_name_of_the_link_of_a_body() -> None:
+    with run_joint_simulation(robot_entry("tb3", "burger", y=3.0), scene=SCENE) as on:
+        of = on.call(GET_MODEL_PROPERTIES, gz.GetModelProperties(model_name="ball"))
+        link = f"ball::{of.canonical_body_name}"
+        found = on.call(GET_LINK_STATE, gz.GetLinkState(link_name=link, reference_frame="tb3"))
+        assert found.success, found.status_message
+        assert (found.link_state.pose.position.x, found.link_state.pose.position.y) == pytest.approx((2.0, -3.0))
+        seen = on.call(GET_MODEL_STATE, gz.GetModelState(model_name="tb3", relative_entity_name=link))
+        assert (seen.pose.position.x, seen.pose.position.y) == pytest.approx((-2.0, 3.0))
+        state = gz.LinkState(link_name=link, pose=Pose3((1.0, 0.0, 0.1)).to_msg())
+        assert on.call(SET_LINK_STATE, gz.SetLinkState(link_state=state)).success
+        assert on.simulation.world.world_body_state("ball").position[0] == pytest.approx(1.0)
+        refused = on.call(APPLY_BODY_WRENCH, gz.ApplyBodyWrench(body_name=link))
+        assert "ball is a body of the world: wrenches act on the links of spawned" in refused.status_message

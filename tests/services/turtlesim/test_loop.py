@@ -241,3 +241,14 @@ def test_in_real_time_calls_wait_for_a_tick_but_not_for_long() -> None:
                 answer()
                 (reply,) = asked.poll() or ()
                 assert reply.ok
+
+
+def test_the_service_reset_ends_the_goal_of_turtle1() -> None:
+    with run_service(SERVICE) as service:
+        stand = Stand(service)
+        stand.run(0.02)
+        service.publish(GOAL, RotateAbsoluteActionGoal(goal=RotateAbsoluteGoal(theta=3.0)))
+        assert stand.run(0.5).theta > 0.1
+        service.call(TURTLESIM_RESET, Empty())
+        pose = stand.run(0.5)
+        assert (pose.theta, pose.angular_velocity) == (0.0, 0.0)

@@ -1,6 +1,6 @@
 // The socket to the panel: subscriptions and requests out, messages in; each request has a deadline.
 
-const DEADLINE = 8000; // ms; the panel's own is shorter, and names the reason
+const DEADLINE = 32000; // ms; the panel's own, 30 s at most, is shorter, and names the reason
 const MAGIC = 0x31454c45;
 
 export class Link {
@@ -55,7 +55,7 @@ export class Link {
       const id = ++this.number;
       const timer = setTimeout(() => {
         this.pending.delete(id);
-        reject(new Error("no answer within 8 s"));
+        reject(new Error(`no answer within ${DEADLINE / 1000} s`));
       }, DEADLINE);
       this.pending.set(id, { resolve, reject, timer });
       this.socket.send(JSON.stringify({ ...request, id }));

@@ -81,6 +81,7 @@ export function startRobots(link) {
 
   function refresh() {
     const gone = !robots.some((each) => each.ns === selected);
+    if (gone) { drive.release(); ground.aim = null; } // a held key or stick, or a goal being aimed, is not the next one's
     if (gone) selected = ground.selected = (robots.find((each) => each.goals) ?? robots.find((each) => each.drives) ?? robots[0])?.ns ?? "";
     if (gone) subscribe();
     const there = new Set(robots.map((each) => each.ns));

@@ -114,6 +114,27 @@ def test_each_end_of_a_goal_reaches_the_client(ros: SimpleNamespace, capfd: pyte
     assert "a goal becomes aborted only when it is active or preempting" in said
 
 
+def test_the_callback_of_a_goal_may_send_the_next_one(ros: SimpleNamespace) -> None:
+    def execute(goal: Any) -> None:
+        server.set_succeeded(ros.Result([goal.order]))
+
+    seen: list[int] = []
+
+    def done(status: int, result: Any) -> None:
+        seen.append(result.sequence[0])
+        if len(seen) < 3:
+            given.send_goal(ros.Goal(len(seen) + 1), done_cb=done)
+        ros.kernel.wake()
+
+    server = ros.actionlib.SimpleActionServer("chain", ros.Action, execute, False)
+    start(ros, server)
+    given = client(ros, "chain")
+    given.send_goal(ros.Goal(1), done_cb=done)
+    until(ros, lambda: len(seen) == 3)
+    assert given.wait_for_result(ros.long)
+    assert (seen, tuple(given.get_result().sequence)) == ([1, 2, 3], (3,))
+
+
 def test_goals_are_given_up_and_replaced(ros: SimpleNamespace) -> None:
     seen: list[tuple[int, bool]] = []
 

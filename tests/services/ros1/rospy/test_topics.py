@@ -163,6 +163,21 @@ def test_numpy_messages_and_headers(rospy: Any) -> None:
     assert got[0].data.dtype == numpy.float32
     assert got[0]._connection_header["cookies"] == "peanut butter"
 
+    from nav_msgs.msg import Odometry
+
+    odometry: list[Any] = []
+    sender = rospy.Publisher("odom", numpy_msg(Odometry), queue_size=2)
+    rospy.Subscriber("odom", numpy_msg(Odometry), odometry.append)
+    _connected(rospy, sender)
+    sent = Odometry()
+    sent.pose.covariance = [1.0] + [0.0] * 35
+    sender.publish(sent)
+    _until(lambda: len(odometry) == 1)
+    assert odometry[0].pose.covariance.reshape(6, 6)[0, 0] == 1.0
+    sender.publish(odometry[0])
+    _until(lambda: len(odometry) == 2)
+    assert odometry[1].pose.covariance.tolist() == list(sent.pose.covariance)
+
 
 def test_listeners_learn_who_subscribes(rospy: Any) -> None:
     from std_msgs.msg import String

@@ -44,6 +44,7 @@ class Gains(Parameters):
         ("", ""),
         ("1_000", 1000),
         ("{ x = 1 }", {"x": 1}),
+        ("1" * 5000, "1" * 5000),
     ],
 )
 def test_values_are_json_toml_or_text(text: str, value: Any) -> None:

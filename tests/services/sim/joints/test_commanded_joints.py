@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from messages.gazebo import SetConfiguration
@@ -124,3 +125,56 @@ def test_efforts_on_them_and_new_positions_are_refused_with_the_alternative(mode
         put = SetConfiguration(model="r", joint_names=("pan_joint",), joint_positions=(0.5,))
         with pytest.raises(CallFailed, match="the joints of r cannot be set, as they include the wheels"):
             on.call(SET_CONFIGURATION, put)
+
+
+def turn_arm(on: JointSimulation, value: float, duration: float = 0.1, interface: str = "position") -> None:
+    """Command the joint of the arm for ``duration`` [s] of 0.5 s."""
+    target = msgspec.convert({"joint_name": "bear_link", "interface": interface, "value": value}, JointTarget)
+    on.publish(JOINT_COMMAND, JointCommand(targets=(target,), duration=duration))
+    on.run(0.5)
+
+
+def test_a_reset_during_a_stop_holds_the_joints_where_it_puts_them() -> None:
+    with run_joint_simulation(robot_entry("arm", "arm", joints={"bear_link": 0.5})) as on:
+        turn_arm(on, 0.8, duration=1.0)
+        on.publish(E_STOP, Bool(data=True), sender="/panel")
+        on.run(0.2)
+        on.call(RESET, Empty())
+        on.run(1.0)
+        assert on.joint_properties().position == pytest.approx(0.5, abs=1e-3)
+        on.publish(E_STOP, Bool(data=False), sender="/panel")
+        on.run(0.2)
+        on.call(RESET, Empty())
+        on.run(1.0)
+        assert abs(on.joint_properties().position - 0.5) > 0.05, "it swings: nothing has commanded it since"
+
+
+def test_a_joint_whose_command_is_over_is_held_where_it_is_set() -> None:
+    put = SetConfiguration(model="arm", joint_names=("bear_link",), joint_positions=(-0.5,))
+    with run_joint_simulation() as on:
+        turn_arm(on, 0.3)
+        on.call(SET_CONFIGURATION, put)
+        on.run(0.5)
+        assert on.joint_properties().position == pytest.approx(-0.5, abs=0.01)
+        turn_arm(on, 0.3, duration=10.0)
+        on.call(SET_CONFIGURATION, put)
+        on.run(1.0)
+        assert on.joint_properties().position == pytest.approx(0.3, abs=0.01), "a live command still counts"
+
+
+def test_a_command_without_targets_ends_those_of_its_publisher_however_old_it_is() -> None:
+    with run_joint_simulation() as on:
+        states = on.subscribe(JOINT_STATES, "/arm/joint_states")
+
+        def effort() -> float:
+            on.run(0.1)
+            states.update()
+            message, _ = states.messages[-1]
+            return message.effort[message.name.index("bear_link")]
+
+        turn_arm(on, 5.0, duration=10.0, interface="effort")
+        assert effort() == pytest.approx(5.0)
+        on.publish(JOINT_COMMAND, JointCommand(duration=0.0))
+        on.run(0.02, factor=1e9)
+        [topic] = [each for each in on.node.subscribers if each.name == "/arm/joint_command"]
+        assert (topic.refused, effort()) == (0, 0.0)
