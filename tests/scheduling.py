@@ -1,9 +1,10 @@
-"""Distributes the test files to pytest's processes: one for each processor, and one in the background.
+"""Distributes the test files to pytest's processes: one for each processor, and two in the background.
 
-Tests that start fleets wait a third of their time, for processes, leases and clocks. The process in the background uses
-that time. It runs files of which every test waits for nearly all of its time (marker ``waits``), then, at low priority,
-files in which no test starts a process. So no more fleets compute at once than there are processors. ``./elea test``
-asks for it with ``--tx popen//id=background``.
+Tests that start fleets wait a third of their time, for processes, leases and clocks. The processes in the background
+use that time. One runs files of which every test waits for nearly all of its time (marker ``waits``), and then others
+without fleets; the second one runs, at low priority, files in which no test starts a process. So no more fleets compute
+at once than there are processors. ``./elea test`` asks for them with ``--tx popen//id=waiting`` and ``--tx
+popen//id=computing``.
 """
 
 from __future__ import annotations
@@ -22,25 +23,29 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadFileScheduling, Scheduling
 from xdist.workermanage import WorkerController
 
-BACKGROUND = "background"
-"""The identifier of the process in the background."""
+WAITING, COMPUTING = "waiting", "computing"
+"""The identifiers of the processes in the background."""
 _NICE = 3
-"""Its priority while it computes: half of what others get, so that no test reaches its time limit on a busy machine."""
+"""The priority of the computing one: half of what others get, so that no test reaches its time limit on a busy machine.
+"""
 _AUTOGROUP = Path("/proc/self/autogroup")
 """Linux shares the processors among sessions first; the priority of a process counts within its session."""
 _REPORT = "background_files"
 """The key under which a worker finds the path of the file for its report."""
 
 
-def report_background_files(config: pytest.Config, files: Iterable[Path]) -> None:
-    """Report the files for the background, in order, to the scheduler, whose process collects no tests."""
+def report_background_files(config: pytest.Config, **files: Iterable[Path]) -> None:
+    """Report the ``waiting`` and ``computing`` files and those with a ``process``, in order, to the scheduler, whose
+    process collects no tests.
+    """
     if report := getattr(config, "workerinput", {}).get(_REPORT):
-        Path(report).write_text(json.dumps([file.relative_to(config.rootpath).as_posix() for file in files]))
+        found = {kind: [file.relative_to(config.rootpath).as_posix() for file in each] for kind, each in files.items()}
+        Path(report).write_text(json.dumps(found))
 
 
 def yield_to_fleets(config: pytest.Config) -> None:
-    """Lower the priority of the process in the background before it computes; no effect in others."""
-    if getattr(config, "workerinput", {}).get("workerid") == BACKGROUND:
+    """Lower the priority of the computing process in the background; no effect in others."""
+    if getattr(config, "workerinput", {}).get("workerid") == COMPUTING:
         _lower_priority()
 
 
@@ -61,8 +66,8 @@ def pytest_configure_node(node: WorkerController) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Scheduling | None:
-    """Replace the distribution by files where there is a process in the background."""
-    asked = any(each.endswith(f"id={BACKGROUND}") for each in config.getvalue("tx"))
+    """Replace the distribution by files where there are processes in the background."""
+    asked = any(each.endswith((f"id={WAITING}", f"id={COMPUTING}")) for each in config.getvalue("tx"))
     return BackgroundScheduling(config, log) if asked and config.getvalue("dist") == "loadfile" else None
 
 
@@ -70,15 +75,16 @@ _FOLDER = pytest.StashKey[tempfile.TemporaryDirectory[str]]()
 
 
 class BackgroundScheduling(LoadFileScheduling):
-    """Distributes by files; the process in the background gets only those that ``report_background_files`` names.
+    """Distributes by files; the processes in the background get only those that ``report_background_files`` names.
 
-    The others take these last.
+    The others take the waiting and computing ones last.
     """
 
     def add_node_collection(self, node: WorkerController, collection: Any) -> None:
         """Take a worker's collection and its report."""
         super().add_node_collection(node, collection)
-        self._background = list[str](json.loads(Path(node.workerinput[_REPORT]).read_text()))
+        files: dict[str, list[str]] = json.loads(Path(node.workerinput[_REPORT]).read_text())
+        self._waiting, self._computing, self._process = files["waiting"], files["computing"], files["process"]
 
     def _assign_work_unit(self, node: WorkerController) -> None:
         file = self._next_file(node)
@@ -96,7 +102,11 @@ class BackgroundScheduling(LoadFileScheduling):
 
     def _next_file(self, node: WorkerController) -> str | None:
         """Return the next file for a worker, None if there is no more."""
-        background = [each for each in self._background if each in self.workqueue]
-        if node.gateway.id == BACKGROUND:
-            return next(iter(background), None)
-        return next((each for each in self.workqueue if each not in background), next(iter(self.workqueue), None))
+        background = {*self._waiting, *self._computing}
+        if node.gateway.id == WAITING:
+            order = [*self._waiting, *reversed(self._process)]
+        elif node.gateway.id == COMPUTING:
+            order = self._computing
+        else:
+            order = [*(each for each in self.workqueue if each not in background), *self.workqueue]
+        return next((each for each in order if each in self.workqueue), None)

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import types
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -218,14 +218,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         rank = next(rank for rank, each in enumerate(_LONGEST_FIRST) if item.get_closest_marker(each))
         longest[item.path] = min(rank, longest.get(item.path, rank))
     items.sort(key=lambda item: longest[item.path])
-    report_background_files(config, _background_files(items, longest))
-
-
-def _background_files(items: Iterable[pytest.Item], longest: Mapping[Path, int]) -> list[Path]:
-    """Return the files whose tests all wait, then those whose tests start no process."""
     busy = {item.path for item in items if not item.get_closest_marker("waits")}
-    slow = _LONGEST_FIRST.index("slow")
-    return [path for path in longest if path not in busy] + [path for path in longest if longest[path] >= slow]
+    slow, process = _LONGEST_FIRST.index("slow"), _LONGEST_FIRST.index("process")
+    report_background_files(
+        config,
+        waiting=[path for path in longest if path not in busy],
+        computing=[path for path in longest if longest[path] >= slow],
+        process=[path for path in longest if longest[path] == process],
+    )
 
 
 @pytest.hookimpl(wrapper=True)

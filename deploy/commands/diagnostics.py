@@ -74,7 +74,7 @@ def are_external(arguments: Sequence[str]) -> bool:
 def parallel_arguments(arguments: Sequence[str], processors: int, background: bool = False) -> list[str]:
     """Return pytest's additional arguments for a number of CPUs; none if the tests run one by one.
 
-    The tests of a file stay together, since they share what they start. With ``background``, one process more uses the
+    The tests of a file stay together, since they share what they start. With ``background``, two processes more use the
     time in which the others wait (``tests/scheduling.py``).
     """
     chosen = any(each.startswith("-n") or each.partition("=")[0] in _SERIAL_OPTIONS for each in arguments)
@@ -83,7 +83,7 @@ def parallel_arguments(arguments: Sequence[str], processors: int, background: bo
     if chosen or "no:xdist" in " ".join(arguments) or (files and not any(each.is_dir() for each in named)):
         return []
     workers = ["--tx", f"{min(_MAX_WORKERS, processors)}*popen"]
-    workers += ["--tx", "popen//id=background"] if background else []
+    workers += ["--tx", "popen//id=waiting", "--tx", "popen//id=computing"] if background else []
     return [*workers, "--dist", "loadfile", "--no-loadscope-reorder"]
 
 

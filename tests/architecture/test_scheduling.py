@@ -1,4 +1,4 @@
-"""The process in the background runs only files that wait or compute; the others run the rest, and help at the end."""
+"""Processes in the background run only files that wait or compute; the others run the rest, and help at the end."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ import pytest
 from tests.scheduling import BackgroundScheduling, pytest_xdist_make_scheduler
 
 STARTING = ("fleet.py", "process.py")
-BACKGROUND = ("waits.py", "slow.py", "quick.py")
-TESTS = [f"{file}::test_{number}" for file in (*STARTING, *BACKGROUND) for number in range(4)]
+WAITING, COMPUTING = ("waits.py",), ("slow.py", "quick.py")
+TESTS = [f"{file}::test_{number}" for file in (*STARTING, *WAITING, *COMPUTING) for number in range(4)]
+FILES = {"waiting": WAITING, "computing": COMPUTING, "process": ("process.py",)}
+NO_FILES: dict[str, tuple[str, ...]] = {"waiting": (), "computing": (), "process": ()}
 
 
 class Worker:
     """Stands for a process of pytest: notes the tests that it is sent."""
 
-    def __init__(self, folder: Path, name: str, background: tuple[str, ...] = BACKGROUND) -> None:
+    def __init__(self, folder: Path, name: str, files: dict[str, tuple[str, ...]] = FILES) -> None:
         report = folder / name
-        report.write_text(json.dumps(background))
+        report.write_text(json.dumps(files))
         self.workerinput = {"background_files": str(report)}
         self.gateway = SimpleNamespace(id=name)
         self.sent: list[int] = []
@@ -40,7 +42,11 @@ class Worker:
 
 
 def scheduling(*workers: Worker) -> Any:
-    options = {"tx": ["popen", "popen//id=background"], "dist": "loadfile", "loadscopereorder": False}
+    options = {
+        "tx": [f"popen//id={each.gateway.id}" for each in workers],
+        "dist": "loadfile",
+        "loadscopereorder": False,
+    }
     config: Any = SimpleNamespace(getvalue=options.get, option=SimpleNamespace(**options), hook=None)
     scheduler: Any = BackgroundScheduling(config)
     for each in workers:
@@ -59,31 +65,36 @@ def finish(scheduler: Any, worker: Worker) -> None:
         done += 1
 
 
-def test_the_process_in_the_background_runs_only_files_for_it_and_ends_after_them(tmp_path: Path) -> None:
-    first, background = Worker(tmp_path, "gw0"), Worker(tmp_path, "background")
-    scheduler = scheduling(first, background)
+def test_each_process_in_the_background_runs_only_files_for_it_and_ends_after_them(tmp_path: Path) -> None:
+    first, waiting, computing = (Worker(tmp_path, name) for name in ("gw0", "waiting", "computing"))
+    scheduler = scheduling(first, waiting, computing)
     assert first.files == ["fleet.py"]
-    finish(scheduler, background)
-    assert background.files == list(BACKGROUND)
-    assert background.shutting_down
+    finish(scheduler, computing)
+    assert computing.files == list(COMPUTING)
+    finish(scheduler, waiting)
+    assert waiting.files == [*WAITING, "process.py"]
+    assert waiting.shutting_down
+    assert computing.shutting_down
     finish(scheduler, first)
-    assert first.files == list(STARTING)
-    assert sorted(first.sent + background.sent) == list(range(len(TESTS)))
+    assert first.files == ["fleet.py"]
+    assert sorted(first.sent + waiting.sent + computing.sent) == list(range(len(TESTS)))
     assert scheduler.tests_finished
 
 
 def test_the_others_help_with_what_is_left(tmp_path: Path) -> None:
-    first, background = Worker(tmp_path, "gw0"), Worker(tmp_path, "background")
-    scheduler = scheduling(first, background)
+    first, waiting, computing = (Worker(tmp_path, name) for name in ("gw0", "waiting", "computing"))
+    scheduler = scheduling(first, waiting, computing)
     finish(scheduler, first)
-    assert first.files == [*STARTING, *BACKGROUND[1:]]
-    finish(scheduler, background)
-    assert background.files == [BACKGROUND[0]]
-    assert sorted(first.sent + background.sent) == list(range(len(TESTS)))
+    assert first.files == [*STARTING, *COMPUTING[1:]]
+    finish(scheduler, waiting)
+    finish(scheduler, computing)
+    assert (waiting.files, computing.files) == ([*WAITING], [*COMPUTING[:1]])
+    assert sorted(first.sent + waiting.sent + computing.sent) == list(range(len(TESTS)))
 
 
-def test_without_such_files_the_process_in_the_background_ends_at_once(tmp_path: Path) -> None:
-    first, background = Worker(tmp_path, "gw0", ()), Worker(tmp_path, "background", ())
+@pytest.mark.parametrize("name", ["waiting", "computing"])
+def test_without_such_files_a_process_in_the_background_ends_at_once(tmp_path: Path, name: str) -> None:
+    first, background = Worker(tmp_path, "gw0", NO_FILES), Worker(tmp_path, name, NO_FILES)
     scheduler = scheduling(first, background)
     assert background.shutting_down
     assert background.sent == []
@@ -92,7 +103,7 @@ def test_without_such_files_the_process_in_the_background_ends_at_once(tmp_path:
 
 
 @pytest.mark.parametrize(
-    "options", [{"tx": ["popen"], "dist": "loadfile"}, {"tx": ["popen//id=background"], "dist": "load"}]
+    "options", [{"tx": ["popen"], "dist": "loadfile"}, {"tx": ["popen//id=waiting"], "dist": "load"}]
 )
 def test_other_distributions_are_those_of_xdist(options: dict[str, Any]) -> None:
     config: Any = SimpleNamespace(getvalue=options.get)
