@@ -18,6 +18,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from deploy import INTERRUPTED
 from deploy.fleet import Fleet, RobotConfig
 from deploy.processes import ProcessSpec, plan_processes
 from deploy.restart_policy import Failed, Finished, Restart, decide_after_exit
@@ -37,6 +38,7 @@ ROSCORE = "roscore"
 STOP_S = 5.0
 """Wall time that a process has to exit after each signal."""
 _POLL_S = 0.1
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _CALL_S = 5.0
 _SINGLE = ("logger", "panel", "recorder", "state", *BUILTIN_SERVICES)
 """Services that only the running fleet provides; the simulation publishes its robots' states."""
@@ -154,21 +156,26 @@ class Programs:
         self._processes = [_ManagedProcess(each) for each in specs]
         self._rng = random.Random(0)
         self._status = 0
+        self._interrupted = False
 
     def run(self) -> int:
         """Run them; return the exit status: 1 if one has failed, 130 for an interrupt."""
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.default_int_handler)  # also if the shell made the process ignore it
+        for number in _SIGNALS:
+            signal.signal(number, self._interrupt)  # also if the shell made the process ignore it
         try:
-            while any(not each.done for each in self._processes):
+            while not self._interrupted and any(not each.done for each in self._processes):
                 if any(self._update(each) for each in self._processes if not each.done):
                     break
                 time.sleep(_POLL_S)
-        except KeyboardInterrupt:
-            self._status = 130
         finally:
             _stop([each.popen for each in self._processes if each.popen is not None])
-        return self._status
+            for number in _SIGNALS:
+                signal.signal(number, signal.default_int_handler)
+        return INTERRUPTED if self._interrupted else self._status
+
+    def _interrupt(self, number: int, frame: object) -> None:
+        """Note a signal; an exception could lose a program that is just being started."""
+        self._interrupted = True
 
     def _update(self, process: _ManagedProcess) -> bool:
         """Start a program, or handle its end; return whether all others must end with it."""

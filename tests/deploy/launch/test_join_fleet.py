@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from deploy.fleet import Fleet, RobotConfig
+from deploy.launch import join_fleet
 from deploy.launch.join_fleet import Programs, _set_parameters, stop_fleet
 from deploy.processes import NodeSpec, ProcessSpec
 from deploy.restart_policy import RestartPolicy
@@ -114,6 +115,20 @@ def test_the_description_of_a_spawned_robot_is_a_parameter(
     _set_parameters(Fleet(name="f", robot=(robot,)), NetworkAddress("", ""))
     assert {each.key for each in done} == keys
     assert all("<robot" in json.loads(each.value) for each in done)
+
+
+def test_an_interrupt_while_a_program_starts_leaves_none_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(spec: ProcessSpec) -> subprocess.Popen[bytes]:
+        started.append(start_program(spec))
+        os.kill(os.getpid(), signal.SIGINT)
+        return started[-1]
+
+    start_program = join_fleet._start
+    monkeypatch.setattr(join_fleet, "_start", start)
+    assert Programs([program("import time; time.sleep(60)")]).run() == 130
+    assert [each.poll() is None for each in started] == [False]
 
 
 def test_a_fleet_that_has_just_ended_needs_no_stop() -> None:
