@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 
 from deploy.fleet import Fleet, RobotConfig
-from deploy.report.record import RunFigures, named
+from deploy.report.record import RunFigures
 from messages.se2 import Twist2
 from models.model import read_model
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, list_names
 from services.runtime.parameters.validation import build
 from services.runtime.step import STEP_S
 from services.sim.drive.config import NO_TIMEOUT, DriveConfig, odometry_config, robot_config
@@ -80,7 +80,7 @@ def _base_warnings(robots: Iterable[RobotConfig]) -> list[str]:
     lines = []
     for warning, names in names_by_warning.items():
         if len(names) > MAX_NAMED_ROBOTS:
-            lines.append(f"{named(names)}: {warning}")
+            lines.append(f"{list_names(names, MAX_NAMED_NODES)}: {warning}")
         else:
             lines += [f"{name}: {warning}" for name in names]
     return lines
@@ -138,7 +138,7 @@ def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
         parts.append(f"the simulation fell behind by {run.lag_s:.1f} s in all")
     if run.ticks_missed:
         worst = sorted(run.ticks_missed.items(), key=lambda each: -each[1])
-        missed = named([f"{node} {count}" for node, count in worst], MAX_NAMED_NODES)
+        missed = list_names([f"{node} {count}" for node, count in worst], MAX_NAMED_NODES)
         parts.append(f"ticks were missed by {missed}")
     return (
         f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. Missed bounds may "

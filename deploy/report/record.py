@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -206,19 +205,14 @@ MAX_NAMED = 10
 """Maximum number of names in one line about the run."""
 
 
-def named(names: Sequence[str], most: int = 3) -> str:
-    """Return the first ``most`` names, and the number of further ones."""
-    return list_names(names, most)
-
-
 def member_notes(facts: RunFacts, measured: Measurements) -> tuple[str, ...]:
     """Return notes on the members that lockstep lost, and on those that left it."""
     lost, left = _members(facts, measured)
     found = []
     if lost:
-        found.append(f"lockstep went on without {named(lost, MAX_NAMED)}: the run does not repeat")
+        found.append(f"lockstep went on without {list_names(lost, MAX_NAMED)}: the run does not repeat")
     if left:
-        found.append(f"{named(left, MAX_NAMED)} left lockstep before the end")
+        found.append(f"{list_names(left, MAX_NAMED)} left lockstep before the end")
     return tuple(found)
 
 

@@ -10,7 +10,8 @@ from typing import TextIO
 
 from deploy.report.checks import is_service_check
 from deploy.report.ranking import FEW, missed_checks, robot_of_check, worst_first
-from deploy.report.record import MAX_NAMED, Check, Report, named
+from deploy.report.record import MAX_NAMED, Check, Report
+from messages.errors import list_names
 from services.grader.records import ArmFigures, CornerFigures, Figures, RobotFigures
 
 ROUNDING_SHARE = 1e-6
@@ -152,7 +153,7 @@ def _describe_group(group: list[Check], report: Report) -> str:
     limit = "at least" if first.kind == "min" else "at most"
     return (
         f"{len(set(robots))} of {len(report.robots)} robots: {_kind(first.name, robots[0])}, "
-        f"should be {limit} {bound}: {named(values, DETAILED)}"
+        f"should be {limit} {bound}: {list_names(values, DETAILED)}"
     )
 
 
@@ -163,7 +164,7 @@ def _cause_lines(check: str, report: Report) -> list[str]:
     if figure == "min_clearance_m" and isinstance(figures, RobotFigures) and figures.min_clearance_at_s is not None:
         return [f"  nearest to {figures.min_clearance_to} at {figures.min_clearance_at_s:.2f} s"]
     if check == "nodes_absent":
-        return [f"  time began without {named(report.run.absent, MAX_NAMED)}"]
+        return [f"  time began without {list_names(report.run.absent, MAX_NAMED)}"]
     if check != "changes_missed":
         return []
     return [
@@ -199,12 +200,12 @@ def note_lines(report: Report) -> list[str]:
 def pending_change_lines(report: Report) -> list[str]:
     """Return the scheduled changes whose time the run did not reach."""
     left = [f"{each.set} at {each.at_s:g} s" for each in report.changes if each.made is None]
-    return [f"not reached before the end: the scheduled changes of {named(left, MAX_NAMED)}"] if left else []
+    return [f"not reached before the end: the scheduled changes of {list_names(left, MAX_NAMED)}"] if left else []
 
 
 def observer_loss_lines(report: Report) -> list[str]:
     """Return the losses of observers, which do not count for the run."""
-    missed = named([f"{node} {count}" for node, count in report.run.onlookers_lost.items()], MAX_NAMED)
+    missed = list_names([f"{node} {count}" for node, count in report.run.onlookers_lost.items()], MAX_NAMED)
     return [f"messages missed by observers, on which the run does not depend: {missed}"] if missed else []
 
 

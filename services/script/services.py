@@ -18,7 +18,7 @@ from services.script.threads import Threads, Worker
 
 FOREVER_S = 86400.0
 """Wall time [s] that a call without a timeout waits; in ROS it waits indefinitely."""
-MOST_BESIDE = 100
+MAX_EXTRA_THREADS = 100
 """Maximum number of further threads of a service, for calls that arrive while its handler is busy."""
 
 
@@ -45,7 +45,7 @@ class ServiceServer:
         self._lock = threading.Lock()
         self._busy: set[int] = set()
         """The threads in the handler."""
-        self._beside = 0
+        self._extra_threads = 0
         """The number of further threads."""
         self._closing: int | None = None
         """The thread in the handler that closes the service after its answer."""
@@ -72,7 +72,7 @@ class ServiceServer:
         if not is_open:
             refuse(self._shut_down())
         elif busy:
-            self._work_beside()
+            self._start_extra_thread()
         else:
             self.worker.notify()
 
@@ -96,21 +96,21 @@ class ServiceServer:
     def _shut_down(self) -> bytes:
         return encode(Refusal(reason=f"service [{self.name}] has been shut down"))
 
-    def _work_beside(self) -> None:
+    def _start_extra_thread(self) -> None:
         """Start a further thread for the waiting requests."""
         with self._lock:
-            if self._beside == MOST_BESIDE:
+            if self._extra_threads == MAX_EXTRA_THREADS:
                 return
-            self._beside += 1
-        self._owner.threads.spawn(self._run_beside, self.name)
+            self._extra_threads += 1
+        self._owner.threads.spawn(self._run_extra_thread, self.name)
 
-    def _run_beside(self) -> None:
+    def _run_extra_thread(self) -> None:
         try:
             while self._work():
                 pass
         finally:
             with self._lock:
-                self._beside -= 1
+                self._extra_threads -= 1
 
     def _work(self) -> bool:
         """Answer the oldest request; return False if none waits."""
@@ -122,7 +122,7 @@ class ServiceServer:
             more = bool(self._requests)
             self._busy.add(me)
         if more:
-            self._work_beside()
+            self._start_extra_thread()
         try:
             self._answer(payload, reply, refuse)
         finally:
