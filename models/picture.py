@@ -5,14 +5,16 @@ from __future__ import annotations
 import io
 import warnings
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from messages.errors import BadInput
 from models.input_file import read_limited
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 MAX_BYTES = 64 << 20
 """Maximum size of an image file [bytes]."""
@@ -35,6 +37,8 @@ def read_picture(path: Path, most_pixels: int, what: str) -> Picture:
         most_pixels: Maximum number of pixels.
         what: What it should be, for errors: "a floor plan".
     """
+    from PIL import Image  # 2 MiB in each process, and few of them read pictures
+
     content = read_limited(path, MAX_BYTES, "a picture")
     try:
         with warnings.catch_warnings():

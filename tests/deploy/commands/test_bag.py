@@ -14,9 +14,9 @@ from time import sleep
 import pytest
 from rerun.chunk import RrdReader
 
-from messages.geometry import Twist
+from messages.geometry import PoseStamped
 from messages.std import String
-from messages.topics import CMD_VEL, ODOM, ROBOT_DESCRIPTION
+from messages.topics import GOAL_POSE, ODOM, ROBOT_DESCRIPTION
 from services.bag.reader import open_bag
 from services.runtime.node import Node
 from tests.harness.background_fleet import interrupt
@@ -41,26 +41,26 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_record_takes_what_is_chosen_until_ctrl_c(network: Network, node: Node, tmp_path: Path) -> None:
     terminal = CommandLine(tmp_path)
-    command, odometry, other = (
-        node.advertise(CMD_VEL, "/v/cmd_vel"),
+    goal, odometry, other = (
+        node.advertise(GOAL_POSE, "/v/goal_pose"),
         node.advertise(ODOM, "/v/odom"),
         node.advertise(ODOM, "/w/odom"),
     )
     options = ("-e", "odom$", "-x", "^/w", "-o", "lap", "-d", "0.2")
-    process = terminal.start("bag", "record", "/v/cmd_vel", *options, "--connect", network.endpoint)
-    wait_until(lambda: command.has_subscribers and odometry.has_subscribers, 30.0, "a recorder")
-    for number in range(60):
+    process = terminal.start("bag", "record", "/v/goal_pose", *options, "--connect", network.endpoint)
+    wait_until(lambda: goal.has_subscribers and odometry.has_subscribers, 30.0, "a recorder")
+    for _ in range(60):
         for out in (odometry, other):
             out.publish(ODOM.record())
-        command.publish(Twist.planar(number / 100, 0.0))
+        goal.publish(PoseStamped())
         sleep(0.01)
     ended = interrupt(process)
     assert ended.status == 0, ended.err
     told = json.loads(terminal.run("bag", "info", "lap", "--json").out)
-    assert {each["topic"]: each["messages"] for each in told["topics"]} == {"/v/cmd_vel": 60, "/v/odom": 60}
+    assert {each["topic"]: each["messages"] for each in told["topics"]} == {"/v/goal_pose": 60, "/v/odom": 60}
     assert len(told["files"]) >= 3, "a new one each 0.2 s"
     assert "recorded 120 messages of 2 topics" in ended.err
-    node.unregister(command, odometry, other)
+    node.unregister(goal, odometry, other)
 
 
 def test_record_on_a_full_disk_tells_what_is_missing(network: Network, node: Node, tmp_path: Path) -> None:

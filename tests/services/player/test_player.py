@@ -52,9 +52,9 @@ def test_all_comes_back_in_its_order_at_the_rate_that_is_asked_for(network: Netw
         node.subscribe(CMD_VEL, "/r/cmd_vel"),
     )
     begun = time.monotonic()
-    ended = play(network, bag, "--rate", "4", "--remap", "/r/odom:=/other/odom")
+    ended = play(network, bag, "--rate", "2", "--remap", "/r/odom:=/other/odom")
     assert ended.status == 0, ended.err
-    assert time.monotonic() - begun >= 0.5, "two seconds at four times their speed"
+    assert time.monotonic() - begun >= 1.0, "two seconds at twice their speed"
     lines = list(drive_messages(2.0))
     clocks, odometry, commands = drained(clock, odom, command)
     assert odometry == [message for topic, message, _ in lines if topic == "/r/odom"]
