@@ -15,10 +15,10 @@ _UNKNOWN = Origin("", False)
 
 
 class Network:
-    """Follows the liveliness tokens and answers from memory. ``update`` belongs to the node's thread.
+    """Follows the liveliness tokens; ``update`` belongs to the node's thread.
 
-    A sample may be read before its publisher's token, which arrived first, was processed: ``origin`` checks for it
-    then.
+    A query first processes the tokens that have arrived, so that what the script has just declared is known at once,
+    as with a ROS master.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -85,11 +85,13 @@ class Network:
 
     def endpoint_nodes(self, kind: str, name: str) -> list[str]:
         """Return the nodes that publish (``pub``), subscribe to (``sub``) or serve (``srv``) a name, sorted."""
+        self._follow()
         with self._lock:
             return sorted({each.node for each in self._entities.values() if each.kind == kind and each.name == name})
 
     def server(self, name: str) -> Entity | None:
         """Return the server of a name; None without one."""
+        self._follow()
         with self._lock:
             found = [each for each in self._entities.values() if each.kind == "srv" and each.name == name]
         return min(found, key=lambda each: (each.node, each.session), default=None)
@@ -108,6 +110,7 @@ class Network:
 
     def entries(self) -> list[GraphEntry]:
         """Return all publications, subscriptions and services."""
+        self._follow()
         with self._lock:
             ends = [each for each in self._entities.values() if each.kind in ("pub", "sub", "srv")]
         return sorted(
@@ -116,12 +119,14 @@ class Network:
 
     def nodes(self) -> list[str]:
         """Return the full names of all nodes, without those of tools, which begin with an underscore."""
+        self._follow()
         with self._lock:
             names = {each.node for each in self._entities.values() if each.kind == "node"}
         return sorted(each for each in names if not each.rpartition("/")[2].startswith("_"))
 
     def sessions(self, node: str) -> list[str]:
         """Return the sessions of the processes that have a node of this name."""
+        self._follow()
         with self._lock:
             return sorted(
                 {each.session for each in self._entities.values() if each.kind == "node" and each.node == node}

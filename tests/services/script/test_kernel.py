@@ -48,6 +48,17 @@ def test_two_scripts_exchange_messages_and_calls() -> None:
         assert {"/talker", "/ns/listener"} <= set(talker.nodes())
 
 
+def test_what_a_script_declares_is_known_at_once() -> None:
+    """As a ROS master knows it when the constructor returns; the node's thread has not run yet."""
+    with memory_kernel() as kernel:
+        kernel.start("/serving", "/", "script")
+        with kernel.lock_node:
+            kernel.serve("/add", "rospy_tutorials/AddTwoInts", lambda payload: payload)
+            assert kernel.service_type("/add") == "rospy_tutorials/AddTwoInts"
+            kernel.advertise("/chatter", "std_msgs/String")
+            assert {"/add", "/chatter"} <= {each.name for each in kernel.graph()}
+
+
 def test_a_call_ends_with_the_answer_of_its_server() -> None:
     """The network queries each process that may serve the name, and one of them may never reply."""
     bus = MemoryBus()
