@@ -462,11 +462,6 @@ class ScriptKernel:
 
     def origin(self, publisher: bytes) -> Origin:
         """Return the source of a publisher's samples."""
-        found = self.network.origin(publisher)
-        if found.node or not publisher:
-            return found
-        with self.lock_node:  # its token may have just arrived
-            self.network.update()
         return self.network.origin(publisher)
 
     def is_gone(self, publisher: bytes, name: str) -> bool:

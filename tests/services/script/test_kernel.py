@@ -59,6 +59,17 @@ def test_what_a_script_declares_is_known_at_once() -> None:
             assert {"/add", "/chatter"} <= {each.name for each in kernel.graph()}
 
 
+def test_asking_for_an_unknown_publisher_leaves_changes_to_the_node_s_thread() -> None:
+    """That thread wakes those who wait for a change, and warns of conflicting types."""
+    with memory_kernel() as kernel:
+        kernel.start("/asking", "/", "script")
+        with kernel.lock_node:
+            kernel.network.update()
+            kernel.advertise("/chatter", "std_msgs/String")
+            assert kernel.origin(b"unknown") == Origin("", False)
+            assert kernel.network.update()
+
+
 def test_a_call_ends_with_the_answer_of_its_server() -> None:
     """The network queries each process that may serve the name, and one of them may never reply."""
     bus = MemoryBus()
