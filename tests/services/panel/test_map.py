@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -32,6 +34,14 @@ def pixel(page: Page, x: float, y: float) -> list[int]:
     return found
 
 
+@contextmanager
+def without_messages(page: Page) -> Iterator[None]:
+    """Keep the panel's messages from a page; in its first two seconds they fit the view to the robots again."""
+    page.evaluate("() => { window.elea.link.receive = () => {}; }")
+    yield
+    page.evaluate("() => { delete window.elea.link.receive; }")
+
+
 def emit(page: Page, kind: str, message: object) -> None:
     page.evaluate("([kind, text]) => window.elea.link.emit(kind, JSON.parse(text))", [kind, json.dumps(message)])
 
@@ -57,32 +67,33 @@ def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFlee
     wait_page(
         lambda: page.evaluate("Object.keys(window.elea.map.poses).length === 3"), WITHIN_S, "the robots are there"
     )
-    ground = pixel(page, 2.37, 0.63)
-    emit(page, "world", {"bodies": BODIES})
-    page.click("button:has-text('Fit')")
-    red, blue = pixel(page, 2.37, 0.63), pixel(page, -2.37, 0.63)
-    assert red[0] > red[1] + 80, "a body in its colour"
-    assert blue[2] > blue[1] + 80
-    copies = "() => { const { world } = window.elea.map; world.copy.getContext('2d').clearRect(0, 0, 9999, 9999); }"
-    page.evaluate(copies)
-    assert pixel(page, 2.37, 0.63) == ground, "what stands is copied from a drawing made once for this view"
-    page.evaluate("() => { window.elea.map.camera.pan(1, 0); }")
-    wait_page(lambda: pixel(page, 2.37, 0.63) == red, WITHIN_S, "another view is drawn")
-    page.evaluate(
-        "() => { const { camera } = window.elea.map; camera.zoom(0.9, camera.width / 2, camera.height / 2); }"
-    )
-    assert pixel(page, 2.37, 0.63) == red, "at once: the drawing that is there shrinks"
-    page.click("button:has-text('Fit')")
-    emit(page, "bodies", {"outlines": {"trolley": [[-3, 1.1, -2, 1.1, -2, 1.6, -3, 1.6]]}})
-    assert pixel(page, -2.37, 0.63) == ground
-    assert pixel(page, -2.37, 1.37) == blue
-    page.click("#theme")
-    wait_page(lambda: pixel(page, 2.37, 0.63) != red, WITHIN_S, "the theme shines through")
-    near = "window.elea.map.world.cornersNear([[0, 0]], 2.5).length"
-    assert page.evaluate(near) == 8, "a small world is shown whole"
-    tower = {"name": "tower", "kind": "fixed", "colour": "#ff0000ff", "outlines": [[90, 0, 91, 0, 91, 1]]}
-    emit(page, "world", {"bodies": [*BODIES, tower]})
-    assert page.evaluate(near) == 4, "of a large one what is near"
+    with without_messages(page):
+        ground = pixel(page, 2.37, 0.63)
+        emit(page, "world", {"bodies": BODIES})
+        page.click("button:has-text('Fit')")
+        red, blue = pixel(page, 2.37, 0.63), pixel(page, -2.37, 0.63)
+        assert red[0] > red[1] + 80, "a body in its colour"
+        assert blue[2] > blue[1] + 80
+        copies = "() => { const { world } = window.elea.map; world.copy.getContext('2d').clearRect(0, 0, 9999, 9999); }"
+        page.evaluate(copies)
+        assert pixel(page, 2.37, 0.63) == ground, "what stands is copied from a drawing made once for this view"
+        page.evaluate("() => { window.elea.map.camera.pan(1, 0); }")
+        wait_page(lambda: pixel(page, 2.37, 0.63) == red, WITHIN_S, "another view is drawn")
+        page.evaluate(
+            "() => { const { camera } = window.elea.map; camera.zoom(0.9, camera.width / 2, camera.height / 2); }"
+        )
+        assert pixel(page, 2.37, 0.63) == red, "at once: the drawing that is there shrinks"
+        page.click("button:has-text('Fit')")
+        emit(page, "bodies", {"outlines": {"trolley": [[-3, 1.1, -2, 1.1, -2, 1.6, -3, 1.6]]}})
+        assert pixel(page, -2.37, 0.63) == ground
+        assert pixel(page, -2.37, 1.37) == blue
+        page.click("#theme")
+        wait_page(lambda: pixel(page, 2.37, 0.63) != red, WITHIN_S, "the theme shines through")
+        near = "window.elea.map.world.cornersNear([[0, 0]], 2.5).length"
+        assert page.evaluate(near) == 8, "a small world is shown whole"
+        tower = {"name": "tower", "kind": "fixed", "colour": "#ff0000ff", "outlines": [[90, 0, 91, 0, 91, 1]]}
+        emit(page, "world", {"bodies": [*BODIES, tower]})
+        assert page.evaluate(near) == 4, "of a large one what is near"
 
 
 def test_the_laser_of_the_chosen_robot_is_shown_while_it_is_wanted(fleet: PanelFleet, pages: PageOpener) -> None:
