@@ -77,7 +77,8 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     ``wall_seconds`` counts from the moment when simulation time could begin, or from the start if that never came.
     ``failed_on_stop`` are the services that exited with an error when they were asked to stop. ``containers_lost``
     describes each abnormal end of a process with several nodes: the reason, and its nodes. ``failed_nodes`` are the
-    nodes of all processes that exited with an error by themselves.
+    nodes of all processes that exited with an error by themselves, or as the end of a graded run stopped them: the end
+    may meet a process just as it fails.
     """
 
     ended: RunEnd
@@ -147,6 +148,7 @@ class Supervisor:
                 self._start(process)
             ended, reason = await self._end
             wall = time.monotonic() - self._clock_start
+            stopped_at_end = [name for name, process in self.processes.items() if process.is_running]
             await self._stop_all()
         finally:
             self.kill_all()
@@ -158,6 +160,7 @@ class Supervisor:
             for name, process in self.processes.items()
             if process.failed_on_stop and not is_script(process.spec.kind)
         )
+        failed_at_end = set(failed_on_stop).intersection(stopped_at_end) if ended == "graded" else set()
         return Outcome(
             ended=ended,
             reason=reason,
@@ -165,7 +168,10 @@ class Supervisor:
             restarts=restarts,
             failed_on_stop=failed_on_stop,
             failed_nodes=tuple(
-                name for process in self.processes.values() if process.failed for name in process.spec.names
+                node
+                for name, process in self.processes.items()
+                if process.failed or name in failed_at_end
+                for node in process.spec.names
             ),
             containers_lost=tuple(
                 f"the process {name} of {', '.join(process.spec.names)} has ended: {why}"
