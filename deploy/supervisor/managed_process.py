@@ -128,7 +128,7 @@ class ManagedProcess:
         restarted process would wait as well. While the fleet is ``starting``, declarations and queries between its
         processes may delay a heartbeat, so the start-up timeout applies to each of them.
         """
-        if self._child is None or self.state not in ("starting", "ready"):
+        if self._child is None or self.state not in ("starting", "ready") or self._hang_reason:
             return
         excused = late or not all(need.is_healthy(now) for need in self._dependencies)
         for each in self._heartbeats.values():

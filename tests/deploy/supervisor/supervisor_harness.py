@@ -45,13 +45,30 @@ class SupervisorHarness:
         self.state_changes: list[tuple[float, str, str]] = []
         self.notes: list[str] = []
         self.patience, self.grace = patience, grace
+        self._excused: dict[str, float] = {}
+        self._killed: dict[str, float] = {}
 
     def supervisor(self, *processes: ProcessSpec) -> Supervisor:
         made = Supervisor(
             "test", "real", processes, self.bus, self.nursery, self, stop_timeouts=self.patience, grace=self.grace
         )
-        self.lives = made.processes
+        for name, process in made.processes.items():
+            self._record_checks(name, process)
         return made
+
+    def _record_checks(self, name: str, process: ManagedProcess) -> None:
+        """Record the last check that excused a process for the supervisor's own delay, and the one that killed it."""
+        check = process.check_heartbeat
+
+        def recorded(now: float, late: bool, starting: bool = False) -> None:
+            hung = process._hang_reason
+            check(now, late, starting)
+            if late:
+                self._excused[name] = now
+            if process._hang_reason and not hung:
+                self._killed[name] = now
+
+        process.check_heartbeat = recorded  # type: ignore[method-assign]
 
     def on_state_change(self, process: ManagedProcess, fleet: FleetState) -> None:
         self.state_changes.append((time.monotonic(), process.spec.name, process.state))
@@ -79,6 +96,23 @@ class SupervisorHarness:
 
     def log(self, name: str) -> str:
         return (self.folder / "logs" / f"{name}.log").read_text()
+
+    def silence(self, name: str) -> float:
+        """Return how long [s] a process was silent, while it had a processor, when it was last killed for that."""
+        silent, waited = self._silence(name)
+        return silent - waited
+
+    def unexcused_silence(self, name: str) -> float:
+        """Return ``silence``, but from the last check that excused the process for the supervisor's own delay."""
+        silent, waited = self._silence(name)
+        return min(silent, self._killed[name] - self._excused.get(name, 0.0)) - waited
+
+    def _silence(self, name: str) -> tuple[float, float]:
+        log = self.log(name)
+        said = re.findall(r"no heartbeat for ([\d.]+) s(?:, of which it waited ([\d.]+) s for a processor)?", log)
+        assert said, log
+        silent, waited = said[-1]
+        return float(silent), float(waited or 0)
 
     def run(self, script: Callable[[Supervisor], Any], *processes: ProcessSpec) -> Outcome:
         """Run the processes with ``script``, a coroutine function that acts on the supervisor; then interrupt it."""
@@ -134,14 +168,6 @@ def has_ended(pid: int) -> bool:
         return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return True
-
-
-def unexcused_silence(log: str) -> float:
-    """Return how long [s] the process killed last was silent while it had a processor."""
-    said = re.findall(r"no heartbeat for ([\d.]+) s(?:, of which it waited ([\d.]+) s for a processor)?", log)
-    assert said, log
-    silent, held_up = said[-1]
-    return float(silent) - float(held_up or 0)
 
 
 FAST_POLICY = RestartPolicy(first=0.05, longest=0.2, limit=3)
