@@ -391,6 +391,8 @@ CLOSE_S = 1.5
 for the other side's acknowledgement. An ending process does not wait; its tokens disappear all the same."""
 
 _MOST_TOKENS = 1 << 20
+_TOKENS_S = 0.002
+"""Wall time for which the loop is not woken after a token: the tokens of a node arrive together, and wake it once."""
 """Maximum replies to a query for tokens; a fleet of twelve processes has 400."""
 
 _EVERYBODY: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
@@ -415,6 +417,7 @@ class ZenohTransport:
         self._waiting: ZenohSubscriber | None = None
         self._wake_pending = False
         self._awake = threading.Event()
+        self._tokens_arrive = False
         self._readers_versions = itertools.count(1)
         self.readers_version = 0
         self.open = True
@@ -531,6 +534,7 @@ class ZenohTransport:
 
         def deliver(sample: Any) -> None:
             watch.items.append(sample)
+            self._tokens_arrive = True
             self._awake.set()
 
         handler = Callback(deliver, indirect=False)
@@ -573,6 +577,9 @@ class ZenohTransport:
         """Wake the loop on request and ten times a second, by a sample that stays in this session."""
         while self.open:
             asked = self._awake.wait(TICKER_S)
+            if self._tokens_arrive:
+                time.sleep(_TOKENS_S)
+                self._tokens_arrive = False
             self._awake.clear()
             self._liveliness.update()
             if (subscriber := self._waiting) is None:
