@@ -26,7 +26,7 @@ def test_without_a_parameter_service_a_node_says_so_once_and_follows_it_when_it_
     with parameter_node(bus, params=Gains(p=1.5), fleet={"p": 1.5}) as (made, followed):
         began = time.monotonic()
         followed.start()
-        assert time.monotonic() - began < 0.5
+        assert time.monotonic() - began < START_S, "it does not wait for an answer"
         for _ in range(20):
             spin_once(made, followed)
         assert log_of(made).count("no parameter service is visible") == 1
@@ -59,7 +59,7 @@ def test_no_answer_a_bad_one_and_a_refusal_leave_a_node_on_its_own_values(bus: M
         mute.serve(PARAMS_ANNOUNCE, lambda _: parameter_values(SET, {}))
         began = time.monotonic()
         followed.start()
-        assert START_S - 0.1 < time.monotonic() - began < START_S + 1.0
+        assert START_S - 0.1 < time.monotonic() - began < 2 * START_S, "it waits once"
         assert "did not answer" in log_of(made)
         made.spin_once()
         (query,) = (mute.request_handlers[0]._server.recv(),)

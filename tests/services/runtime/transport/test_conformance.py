@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 
 import pytest
 
 from messages.topics import Quality
 from services.runtime.graph import Entity, token_pattern
-from services.runtime.transport.api import TICKER_S, TIMEOUT, RawSubscriber, Sample, Transport
+from services.runtime.transport.api import TIMEOUT, RawSubscriber, Sample, Transport
 from tests.harness.waiting import wait_until
 
 Connect = Callable[[], Transport]
@@ -149,11 +148,9 @@ def test_wait_wakes_for_a_sample_a_nudge_and_in_any_case(connect: Connect) -> No
     inlet = transport.subscribe("a", 8)
     _linked(writer, transport)
     outlet = writer.advertise("a", TEXT, Quality.EVENT)
-    started = time.monotonic()
     transport.wait(inlet)
     transport.wait(inlet)
     assert inlet.recv() is None
-    assert time.monotonic() - started < 50 * TICKER_S
 
     threading.Timer(0.02, transport.wake).start()
     transport.wait(inlet)
