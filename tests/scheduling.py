@@ -1,10 +1,10 @@
-"""Distributes the test files to pytest's processes: one for each processor, and two in the background.
+"""Distributes the test files to pytest's processes: one for each processor, and three in the background.
 
 Tests that start fleets wait a third of their time, for processes, leases and clocks. The processes in the background
-use that time. One runs files of which every test waits for nearly all of its time (marker ``waits``), and then others
-without fleets; the second one runs, at low priority, files in which no test starts a process. So no more fleets compute
-at once than there are processors. ``./elea test`` asks for them with ``--tx popen//id=waiting`` and ``--tx
-popen//id=computing``.
+use that time. Two run files of which every test waits for nearly all of its time (marker ``waits``), and then others
+without fleets; the third one runs, at low priority, files in which no test starts a process. So no more fleets compute
+at once than there are processors. ``./elea test`` asks for them with ``--tx popen//id=waiting1``, ``waiting2`` and
+``computing``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadFileScheduling, Scheduling
 from xdist.workermanage import WorkerController
 
-WAITING, COMPUTING = "waiting", "computing"
+WAITING, COMPUTING = ("waiting1", "waiting2"), "computing"
 """The identifiers of the processes in the background."""
 _NICE = 3
 """The priority of the computing one: half of what others get, so that no test reaches its time limit on a busy machine.
@@ -67,7 +67,7 @@ def pytest_configure_node(node: WorkerController) -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Scheduling | None:
     """Replace the distribution by files where there are processes in the background."""
-    asked = any(each.endswith((f"id={WAITING}", f"id={COMPUTING}")) for each in config.getvalue("tx"))
+    asked = any(each.partition("id=")[2] in (*WAITING, COMPUTING) for each in config.getvalue("tx"))
     return BackgroundScheduling(config, log) if asked and config.getvalue("dist") == "loadfile" else None
 
 
@@ -103,7 +103,7 @@ class BackgroundScheduling(LoadFileScheduling):
     def _next_file(self, node: WorkerController) -> str | None:
         """Return the next file for a worker, None if there is no more."""
         background = {*self._waiting, *self._computing}
-        if node.gateway.id == WAITING:
+        if node.gateway.id in WAITING:
             order = [*self._waiting, *reversed(self._process)]
         elif node.gateway.id == COMPUTING:
             order = self._computing

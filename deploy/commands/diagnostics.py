@@ -34,6 +34,9 @@ def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -
 _MAX_WORKERS = 8
 """Maximum number of parallel tests, one per processor: many of them run a fleet of a dozen processes."""
 
+_BACKGROUND = ("waiting1", "waiting2", "computing")
+"""Identifiers of the additional processes that ``tests/scheduling.py`` knows."""
+
 _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "--capture", "--co", "--collect-only")
 """Pytest options that set the number of processes, or whose output needs a single process."""
 
@@ -74,8 +77,8 @@ def are_external(arguments: Sequence[str]) -> bool:
 def parallel_arguments(arguments: Sequence[str], processors: int, background: bool = False) -> list[str]:
     """Return pytest's additional arguments for a number of CPUs; none if the tests run one by one.
 
-    The tests of a file stay together, since they share what they start. With ``background``, two processes more use the
-    time in which the others wait (``tests/scheduling.py``).
+    The tests of a file stay together, since they share what they start. With ``background``, three processes more use
+    the time in which the others wait (``tests/scheduling.py``).
     """
     chosen = any(each.startswith("-n") or each.partition("=")[0] in _SERIAL_OPTIONS for each in arguments)
     named = [Path(each.partition("::")[0]) for each in arguments if not each.startswith("-")]
@@ -83,7 +86,8 @@ def parallel_arguments(arguments: Sequence[str], processors: int, background: bo
     if chosen or "no:xdist" in " ".join(arguments) or (files and not any(each.is_dir() for each in named)):
         return []
     workers = ["--tx", f"{min(_MAX_WORKERS, processors)}*popen"]
-    workers += ["--tx", "popen//id=waiting", "--tx", "popen//id=computing"] if background else []
+    if background:
+        workers += [word for each in _BACKGROUND for word in ("--tx", f"popen//id={each}")]
     return [*workers, "--dist", "loadfile", "--no-loadscope-reorder"]
 
 

@@ -66,7 +66,7 @@ def finish(scheduler: Any, worker: Worker) -> None:
 
 
 def test_each_process_in_the_background_runs_only_files_for_it_and_ends_after_them(tmp_path: Path) -> None:
-    first, waiting, computing = (Worker(tmp_path, name) for name in ("gw0", "waiting", "computing"))
+    first, waiting, computing = (Worker(tmp_path, name) for name in ("gw0", "waiting1", "computing"))
     scheduler = scheduling(first, waiting, computing)
     assert first.files == ["fleet.py"]
     finish(scheduler, computing)
@@ -81,8 +81,16 @@ def test_each_process_in_the_background_runs_only_files_for_it_and_ends_after_th
     assert scheduler.tests_finished
 
 
+def test_two_processes_share_the_files_that_wait_and_then_those_without_fleets(tmp_path: Path) -> None:
+    workers = [Worker(tmp_path, name) for name in ("gw0", "waiting1", "waiting2", "computing")]
+    scheduler = scheduling(*workers)
+    for each in reversed(workers):
+        finish(scheduler, each)
+    assert [each.files for each in workers] == [["fleet.py"], [*WAITING], ["process.py"], [*COMPUTING]]
+
+
 def test_the_others_help_with_what_is_left(tmp_path: Path) -> None:
-    first, waiting, computing = (Worker(tmp_path, name) for name in ("gw0", "waiting", "computing"))
+    first, waiting, computing = (Worker(tmp_path, name) for name in ("gw0", "waiting1", "computing"))
     scheduler = scheduling(first, waiting, computing)
     finish(scheduler, first)
     assert first.files == [*STARTING, *COMPUTING[1:]]
@@ -92,7 +100,7 @@ def test_the_others_help_with_what_is_left(tmp_path: Path) -> None:
     assert sorted(first.sent + waiting.sent + computing.sent) == list(range(len(TESTS)))
 
 
-@pytest.mark.parametrize("name", ["waiting", "computing"])
+@pytest.mark.parametrize("name", ["waiting1", "waiting2", "computing"])
 def test_without_such_files_a_process_in_the_background_ends_at_once(tmp_path: Path, name: str) -> None:
     first, background = Worker(tmp_path, "gw0", NO_FILES), Worker(tmp_path, name, NO_FILES)
     scheduler = scheduling(first, background)
@@ -103,7 +111,7 @@ def test_without_such_files_a_process_in_the_background_ends_at_once(tmp_path: P
 
 
 @pytest.mark.parametrize(
-    "options", [{"tx": ["popen"], "dist": "loadfile"}, {"tx": ["popen//id=waiting"], "dist": "load"}]
+    "options", [{"tx": ["popen"], "dist": "loadfile"}, {"tx": ["popen//id=waiting1"], "dist": "load"}]
 )
 def test_other_distributions_are_those_of_xdist(options: dict[str, Any]) -> None:
     config: Any = SimpleNamespace(getvalue=options.get)

@@ -18,7 +18,6 @@ from services.logger.screenshots import Screenshot, screenshots
 from services.square import LOG_FILE
 from tests.harness.command_line import CommandLine, CommandResult
 from tests.harness.cpu_load import cpu_load
-from tests.system.real_time_run import is_overloaded, run_in_real_time
 from tests.system.short_fleets import reordered_lab, short_lab
 
 ROBOTS = [f"tb3_{number}" for number in range(4)]
@@ -131,18 +130,6 @@ def same(one: LabRun, other: LabRun) -> None:
     assert other.run["sim_seconds"] == one.run["sim_seconds"]
     assert other.report["robots"] == one.report["robots"]
     assert (other.results / LOG_FILE).read_bytes() == (one.results / LOG_FILE).read_bytes()
-
-
-@pytest.mark.timeout(500)
-def test_on_the_wall_clock_all_checks_hold(terminal: CommandLine) -> None:
-    report = run_in_real_time(terminal, short_lab(terminal.folder / "brief.toml"), "real")
-    assert (report["run"]["mode"], report["run"]["ended"]) == ("real", "goals")
-    assert [report["robots"][name]["points_reached"] for name in ROBOTS] == [2] * 4
-    assert [each["made"] for each in report["changes"]] == [True] * 3
-    assert report["robots"]["arm"]["steps"][0]["to_deg"] == 30.0
-    pioneer = report["robots"]["p3dx"]
-    assert pioneer["points_reached"] == 4
-    assert is_overloaded(report) or (pioneer["closure_m"] < 0.02 and pioneer["closure_heading_deg"] < 1.0)
 
 
 def test_a_mode_that_is_gone_is_refused_with_what_to_take(terminal: CommandLine) -> None:

@@ -18,7 +18,7 @@ TWO = ["--tx", "2*popen", "--dist", "loadfile", "--no-loadscope-reorder"]
 def test_whole_folders_run_several_at_a_time(arguments: list[str]) -> None:
     assert parallel_arguments(arguments, 2) == TWO
     assert parallel_arguments(arguments, 64)[1] == "8*popen"
-    background = ["--tx", "popen//id=waiting", "--tx", "popen//id=computing"]
+    background = ["--tx", "popen//id=waiting1", "--tx", "popen//id=waiting2", "--tx", "popen//id=computing"]
     assert parallel_arguments(arguments, 2, background=True) == [*TWO[:2], *background, *TWO[2:]]
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from messages.topics import CMD_VEL
 from services.runtime.node import Node
-from tests.harness.processes import Network, Process
+from tests.harness.fork_server import run_verb
+from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 from tests.services.params.parameter_client import connected_client, start_and_wait
 
@@ -38,11 +39,10 @@ main(Service(name="mine", about="Drives as told.", run=run, rate=20, parameters=
 SET = "/tb3_0/mine"
 
 
-def elea(network: Network, folder: Path, *words: str) -> tuple[int, str]:
+def elea(network: Network, *words: str) -> tuple[int, str]:
     """Run a command; return its exit status and output."""
-    with Process(["-m", "deploy", *words, "--connect", network.endpoint], folder / "elea.log") as line:
-        before = len(line.text)
-        return line.wait(30.0), line.text[before:]
+    done = run_verb(*words, "--connect", network.endpoint)
+    return done.returncode, done.stdout + done.stderr
 
 
 def test_the_parameters_of_a_file_are_set_checked_followed_and_kept(tmp_path: Path) -> None:
@@ -55,15 +55,15 @@ def test_the_parameters_of_a_file_are_set_checked_followed_and_kept(tmp_path: Pa
         commands = Commands(node)
         commands.until(0.1, 0.2)
 
-        status, said = elea(network, tmp_path, "param", "set", SET, "speed", "0.3")
+        status, said = elea(network, "param", "set", SET, "speed", "0.3")
         assert status == 0, said
         commands.until(0.3, 0.2)
         for value, why in (("0.6", "0.5"), ("nan", "finite"), ("fast", "it is a text")):
-            status, said = elea(network, tmp_path, "param", "set", SET, "speed", value)
+            status, said = elea(network, "param", "set", SET, "speed", value)
             assert status != 0
             assert "speed" in said, why
             assert why in said
-        status, said = elea(network, tmp_path, "param", "describe", SET, "--json")
+        status, said = elea(network, "param", "describe", SET, "--json")
         described = {each["name"]: each for each in json.loads(said)["parameters"]}
         assert (described["speed"]["unit"], described["speed"]["high"]) == ("m/s", 0.5)
         commands.until(0.3, 0.2)
@@ -71,7 +71,7 @@ def test_the_parameters_of_a_file_are_set_checked_followed_and_kept(tmp_path: Pa
 
         network.run(file, "--namespace", "tb3_0")
         commands.until(0.3, 0.0)
-        status, said = elea(network, tmp_path, "param", "get", SET)
+        status, said = elea(network, "param", "get", SET)
         (line,) = (each for each in said.splitlines() if "speed" in each)
         assert (status, "0.3" in line, "saved" in line) == (0, True, True), said
 

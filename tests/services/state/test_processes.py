@@ -92,6 +92,7 @@ def test_bad_messages_are_refused_and_counted_and_the_service_goes_on(scene: TfH
 
         # Our own record rejects this on creation; a foreign sender may send it.
         foreign = scene.node.transport.advertise("odd/joint_states", encoding(JointState.ROS_TYPE), Quality.SENSOR)
+        wait_until(lambda: foreign.has_subscribers and move.has_subscribers, 20.0, "its subscription")
         foreign.put(encode({"name": ["j", "k"], "position": [1.0]}), attachment=b"")
         move.publish(JointState(name=("j",)))
         wait_until(lambda: "it has no positions" in process.text, 20.0, "a refusal")
