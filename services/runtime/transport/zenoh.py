@@ -391,9 +391,9 @@ CLOSE_S = 1.5
 for the other side's acknowledgement. An ending process does not wait; its tokens disappear all the same."""
 
 _MOST_TOKENS = 1 << 20
+"""Maximum replies to a query for tokens; a fleet of twelve processes has 400."""
 _TOKENS_S = 0.002
 """Wall time for which the loop is not woken after a token: the tokens of a node arrive together, and wake it once."""
-"""Maximum replies to a query for tokens; a fleet of twelve processes has 400."""
 
 _EVERYBODY: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
 """Zenoh queries all servers of a key in any case; by default it returns one of their answers and hides the others."""
