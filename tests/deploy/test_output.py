@@ -40,19 +40,19 @@ ESCAPES = ("\x1b]52;c;cm0gLXJm\x07", "\x1b[2J", "\x9b2J", "\u202eevil", "\x00", 
 
 
 def test_closed_pipe_ends_no_run_and_does_not_change_its_status(tmp_path: Path) -> None:
-    desk = FleetCommandLine(tmp_path)
-    fleet = desk.fleet("lockstep", "goals", "[0.1, 0]")
+    terminal = FleetCommandLine(tmp_path)
+    fleet = terminal.fleet("lockstep", "goals", "[0.1, 0]")
     command = [sys.executable, "-P", "-m", "deploy", "up", fleet, "--no-saved", "--no-picture"]
-    command += ["--report", str(desk.results)]
+    command += ["--report", str(terminal.results)]
     out, into = os.pipe()
-    up = subprocess.Popen(command, env=desk.environment, cwd=tmp_path, stdout=into, stderr=into)
+    up = subprocess.Popen(command, env=terminal.environment, cwd=tmp_path, stdout=into, stderr=into)
     os.close(into)
     try:
         assert os.read(out, 1)  # it has written; then the reader closes the pipe
     finally:
         os.close(out)
     assert up.wait(90) == 0
-    assert desk.report()["ok"] is True
+    assert terminal.report()["ok"] is True
 
 
 def test_verbs_whose_reader_is_gone_end_quietly(tmp_path: Path) -> None:
@@ -69,12 +69,14 @@ def test_full_disk_is_told_before_a_run_in_the_background(tmp_path: Path) -> Non
     def full() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 
-    desk = FleetCommandLine(tmp_path)
-    command = [sys.executable, "-P", "-m", "deploy", "up", desk.fleet("real", "never", ""), "--detach"]
-    command += ["--report", str(desk.results)]
-    done = subprocess.run(command, env=desk.environment, preexec_fn=full, capture_output=True, text=True, timeout=60)
+    terminal = FleetCommandLine(tmp_path)
+    command = [sys.executable, "-P", "-m", "deploy", "up", terminal.fleet("real", "never", ""), "--detach"]
+    command += ["--report", str(terminal.results)]
+    done = subprocess.run(
+        command, env=terminal.environment, preexec_fn=full, capture_output=True, text=True, timeout=60
+    )
     assert done.returncode == 2
-    assert f"the folder {desk.results} cannot be written: File too large" in done.stderr
+    assert f"the folder {terminal.results} cannot be written: File too large" in done.stderr
     assert "--report" in done.stderr
 
 

@@ -11,14 +11,14 @@ from tests.deploy.supervisor.supervisor_harness import SupervisorHarness, faulty
 
 
 def test_a_process_that_has_done_its_work_counts_as_started(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-    progress = ProgressReporter(stage, tmp_path)
-    supervisor = stage.supervisor(faulty_process("good", "/brief"), faulty_process("good", "/lasting"))
+    harness = SupervisorHarness(tmp_path)
+    progress = ProgressReporter(harness, tmp_path)
+    supervisor = harness.supervisor(faulty_process("good", "/brief"), faulty_process("good", "/lasting"))
     states: dict[str, ProcessStateName] = {"brief": "finished", "lasting": "ready"}
     for name, state in states.items():
         process = supervisor.processes[name]
         process.state = state
         progress.on_state_change(process, supervisor.state())
-    stage.warden.close()
-    (line,) = stage.notes
+    harness.reaper.close()
+    (line,) = harness.notes
     assert re.fullmatch(r"all 2 processes ready or finished after \d+\.\d s", line)

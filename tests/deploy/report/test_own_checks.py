@@ -52,23 +52,23 @@ def test_checks_of_services_count_in_every_mode(tmp_path: Path) -> None:
 
 def _run_checks(tmp_path: Path, mode: str) -> None:
     tmp_path.mkdir()
-    desk = FleetCommandLine(tmp_path)
+    terminal = FleetCommandLine(tmp_path)
     (tmp_path / "judge.py").write_text(example())
     (tmp_path / "student.py").write_text(STUDENT)
-    fleet = Path(desk.fleet(mode, "goals", "[0.3, 0]"))
+    fleet = Path(terminal.fleet(mode, "goals", "[0.3, 0]"))
     text, own = fleet.read_text(), '{ kind = "judge.py" }'
     assert "goals = [[0.3, 0]] } }]" in text
-    arguments = ("up", str(fleet), "--report", str(desk.results), "--no-view", "--no-picture", "--no-saved")
+    arguments = ("up", str(fleet), "--report", str(terminal.results), "--no-view", "--no-picture", "--no-saved")
     holds = r"holds: /r/judge.farthest_m is 0\.[23]\d*, should be at most 1: the wall is at x = 1 m\n"
     if mode == "lockstep":
         fleet.write_text(text.replace("[[0.3, 0]] } }]", f"[[0.3, 0]] }} }}, {own}]"))
-        out = desk.run(*arguments)
-        assert desk.report()["ok"] is True
+        out = terminal.run(*arguments)
+        assert terminal.report()["ok"] is True
         assert re.search(holds, out)
 
     fleet.write_text(text.replace("[[0.3, 0]] } }]", f'[[0.3, 0]] }} }}, {own}, {{ kind = "student.py" }}]'))
-    out = desk.run(*arguments, status=1)
-    report = desk.report()
+    out = terminal.run(*arguments, status=1)
+    report = terminal.report()
     told = {each["name"]: each for each in report["checks"] if each["name"].startswith("/")}
     assert told.keys() == {"/r/judge.farthest_m", "/r/student.never_measured", "/r/student.at_the_end"}
     assert {name: each["ok"] for name, each in told.items() if not each["ok"]} == {

@@ -21,7 +21,7 @@ class FakeBus:
     def __init__(self, folder: Path) -> None:
         self._path, self._offset = folder / "beats", 0
         self.published: list[FleetState] = []
-        self.orders: list[tuple[ProcessAction, str]] = []
+        self.requests: list[tuple[ProcessAction, str]] = []
         self.answers: list[str] = []
         self.mute: set[str] = set()
         self.flooded = self.answers_router = False
@@ -42,10 +42,10 @@ class FakeBus:
     def publish(self, state: FleetState) -> None:
         self.published.append(state)
 
-    def answer_requests(self, carry_out: ActionHandler) -> bool:
-        while self.orders:
+    def answer_requests(self, handle_action: ActionHandler) -> bool:
+        while self.requests:
             try:
-                self.answers.append(carry_out(*self.orders.pop(0)))
+                self.answers.append(handle_action(*self.requests.pop(0)))
             except BadInput as error:
                 self.answers.append(f"refused: {error}")
         return False

@@ -38,19 +38,19 @@ def faulty_process(script: str, node: str, *arguments: str, **options: Any) -> P
 class SupervisorHarness:
     """A run's folder, a reaper and a fake bus; records every state change."""
 
-    def __init__(self, folder: Path, patience: Sequence[float] = (0.5, 0.5), grace: float = 20.0) -> None:
+    def __init__(self, folder: Path, stop_timeouts: Sequence[float] = (0.5, 0.5), grace: float = 20.0) -> None:
         (folder / "logs").mkdir(parents=True, exist_ok=True)
-        self.folder, self.bus, self.warden = folder, FakeBus(folder), Reaper()
-        self.nursery = Spawner(folder, self.warden)
+        self.folder, self.bus, self.reaper = folder, FakeBus(folder), Reaper()
+        self.spawner = Spawner(folder, self.reaper)
         self.state_changes: list[tuple[float, str, str]] = []
         self.notes: list[str] = []
-        self.patience, self.grace = patience, grace
+        self.stop_timeouts, self.grace = stop_timeouts, grace
         self._excused: dict[str, float] = {}
         self._killed: dict[str, float] = {}
 
     def supervisor(self, *processes: ProcessSpec) -> Supervisor:
         made = Supervisor(
-            "test", "real", processes, self.bus, self.nursery, self, stop_timeouts=self.patience, grace=self.grace
+            "test", "real", processes, self.bus, self.spawner, self, stop_timeouts=self.stop_timeouts, grace=self.grace
         )
         for name, process in made.processes.items():
             self._record_checks(name, process)
@@ -130,7 +130,7 @@ class SupervisorHarness:
                 supervisor.interrupt()
                 outcome = await asyncio.wait_for(running, WITHIN_S)
             finally:
-                self.warden.close()
+                self.reaper.close()
         return outcome
 
 

@@ -25,8 +25,8 @@ SILENT_S = HEARTBEAT_TIMEOUT_S + 1.0
 
 
 def test_who_waits_for_a_processor_is_told_from_who_hangs(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-    progress = ProgressReporter(stage, tmp_path)
+    harness = SupervisorHarness(tmp_path)
+    progress = ProgressReporter(harness, tmp_path)
 
     async def starve(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
@@ -41,12 +41,12 @@ def test_who_waits_for_a_processor_is_told_from_who_hangs(tmp_path: Path) -> Non
             os.kill(int(hog), signal.SIGKILL)
         await wait_until(lambda: starved.is_healthy(time.monotonic()))
         assert (starved.state, starved.state_message().pid) == ("ready", pid)
-        await wait_until(lambda: stage.states("frozen").count("ready") == 2)
+        await wait_until(lambda: harness.states("frozen").count("ready") == 2)
 
-    outcome = stage.run(starve, faulty_process("starved", "/starved"), faulty_process("good", "/frozen"))
-    (told,) = stage.notes
+    outcome = harness.run(starve, faulty_process("starved", "/starved"), faulty_process("good", "/frozen"))
+    (told,) = harness.notes
     assert re.fullmatch(r"starved: no heartbeat for \d+\.\d s, it is waiting for a processor: .* too busy .*", told)
-    assert stage.states("starved") == ["waiting", "starting", "ready", "stopping", "stopped"]
-    assert outcome.restarts == stage.states("frozen").count("backing off") == 1
-    assert stage.silence("frozen") > HEARTBEAT_TIMEOUT_S - 0.2
-    assert stage.unexcused_silence("frozen") < HEARTBEAT_TIMEOUT_S + 1.0
+    assert harness.states("starved") == ["waiting", "starting", "ready", "stopping", "stopped"]
+    assert outcome.restarts == harness.states("frozen").count("backing off") == 1
+    assert harness.silence("frozen") > HEARTBEAT_TIMEOUT_S - 0.2
+    assert harness.unexcused_silence("frozen") < HEARTBEAT_TIMEOUT_S + 1.0

@@ -51,20 +51,20 @@ def test_two_orders_of_one_turn_leave_one_process_at_most(tmp_path: Path) -> Non
     play_side_by_side(tmp_path, (start_and_another, stop_and_another, restart_and_another))
 
 
-async def start_and_another(stage: SupervisorHarness) -> None:
-    await _two_orders(stage, "start", "a")
+async def start_and_another(harness: SupervisorHarness) -> None:
+    await _two_orders(harness, "start", "a")
 
 
-async def stop_and_another(stage: SupervisorHarness) -> None:
-    await _two_orders(stage, "stop", "b")
+async def stop_and_another(harness: SupervisorHarness) -> None:
+    await _two_orders(harness, "stop", "b")
 
 
-async def restart_and_another(stage: SupervisorHarness) -> None:
-    await _two_orders(stage, "restart", "c")
+async def restart_and_another(harness: SupervisorHarness) -> None:
+    await _two_orders(harness, "restart", "c")
 
 
-async def _two_orders(stage: SupervisorHarness, first: ProcessAction, name: str) -> None:
-    answers = stage.bus.answers
+async def _two_orders(harness: SupervisorHarness, first: ProcessAction, name: str) -> None:
+    answers = harness.bus.answers
 
     async def order(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
@@ -76,10 +76,10 @@ async def _two_orders(stage: SupervisorHarness, first: ProcessAction, name: str)
         for runs, second in product((True, False), VERBS):
             if life.is_running != runs:
                 answers.clear()
-                stage.bus.orders.append(("start" if runs else "stop", name))
+                harness.bus.requests.append(("start" if runs else "stop", name))
                 await wait_until(lambda: answers and not supervisor.is_busy(name) and settled())
             answers.clear()
-            stage.bus.orders += [(first, name), (second, name)]
+            harness.bus.requests += [(first, name), (second, name)]
             await wait_until(lambda: len(answers) == 2 and not supervisor.is_busy(name) and settled())
             assert len(processes(f"/{name}")) == life.is_running, (runs, first, second, answers)
             if (first, second) == ("start", "start"):
@@ -87,7 +87,7 @@ async def _two_orders(stage: SupervisorHarness, first: ProcessAction, name: str)
             if "stop" in (first, second) and (first, second) != ("stop", "start"):
                 assert not runs or not life.is_running, "a process that was to be stopped runs"
 
-    outcome = await stage.play(order, faulty_process("good", f"/{name}"))
+    outcome = await harness.play(order, faulty_process("good", f"/{name}"))
     assert outcome.ended == "interrupted"
     assert processes(f"/{name}") == []
 
@@ -95,9 +95,9 @@ async def _two_orders(stage: SupervisorHarness, first: ProcessAction, name: str)
 class TransportGate:
     """A bus that holds requests back while ``shut``, so that they are then answered in one turn."""
 
-    def __init__(self, bus: SupervisorNode, behind: QueryServer, stage: SupervisorHarness) -> None:
+    def __init__(self, bus: SupervisorNode, behind: QueryServer, harness: SupervisorHarness) -> None:
         self.shut, self.behind = False, behind
-        self._bus, self._stage = bus, stage
+        self._bus, self._stage = bus, harness
 
     def heartbeats(self) -> list[Health]:
         return [*self._stage.bus.heartbeats()]
@@ -112,12 +112,12 @@ class TransportGate:
     def publish(self, state: FleetState) -> None:
         self._bus.publish(state)
 
-    def answer_requests(self, carry_out: ActionHandler) -> bool:
-        return not self.shut and self._bus.answer_requests(carry_out)
+    def answer_requests(self, handle_action: ActionHandler) -> bool:
+        return not self.shut and self._bus.answer_requests(handle_action)
 
 
 def test_two_starts_over_the_network_answered_in_one_turn(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
+    harness = SupervisorHarness(tmp_path)
     told: list[Done | CallFailed] = []
 
     async def start_twice(supervisor: Supervisor, gate: TransportGate, network: Network) -> None:
@@ -139,7 +139,7 @@ def test_two_starts_over_the_network_answered_in_one_turn(tmp_path: Path) -> Non
         assert len(processes("/a")) == 1
 
     async def run(gate: TransportGate, network: Network) -> str:
-        supervisor = Supervisor("test", "real", [faulty_process("good", "/a")], gate, stage.nursery, stage)
+        supervisor = Supervisor("test", "real", [faulty_process("good", "/a")], gate, harness.spawner, harness)
         running = asyncio.create_task(supervisor.run())
         try:
             await asyncio.wait_for(start_twice(supervisor, gate, network), 60)
@@ -155,9 +155,9 @@ def test_two_starts_over_the_network_answered_in_one_turn(tmp_path: Path) -> Non
             ZenohTransport(configuration("direct", (network.endpoint,))) as transport,
             Node(transport, identity, "supervisor", Log(identity.node)) as node,
         ):
-            ended = asyncio.run(run(TransportGate(SupervisorNode(node), transport.serve("behind"), stage), network))
+            ended = asyncio.run(run(TransportGate(SupervisorNode(node), transport.serve("behind"), harness), network))
     finally:
-        stage.warden.close()
+        harness.reaper.close()
     assert ended == "interrupted"
     assert processes("/a") == []
     assert sorted(type(each).__name__ for each in told) == ["CallFailed", "Done"]

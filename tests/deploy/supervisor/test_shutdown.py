@@ -26,29 +26,29 @@ from tests.deploy.supervisor.supervisor_harness import (
 )
 
 
-async def run_to_end(stage: SupervisorHarness, *processes: ProcessSpec) -> tuple[str, str]:
+async def run_to_end(harness: SupervisorHarness, *processes: ProcessSpec) -> tuple[str, str]:
     try:
-        outcome = await asyncio.wait_for(stage.supervisor(*processes).run(), WITHIN_S)
+        outcome = await asyncio.wait_for(harness.supervisor(*processes).run(), WITHIN_S)
         return outcome.ended, outcome.reason
     finally:
-        stage.warden.close()
+        harness.reaper.close()
 
 
-async def grader_that_finishes_ends_the_run(stage: SupervisorHarness) -> None:
+async def grader_that_finishes_ends_the_run(harness: SupervisorHarness) -> None:
     ended, _ = await run_to_end(
-        stage, faulty_process("good", "/a"), faulty_process("brief", "/g", "0.5", kind="grader", required=True)
+        harness, faulty_process("good", "/a"), faulty_process("brief", "/g", "0.5", kind="grader", required=True)
     )
     assert ended == "graded"
-    assert stage.states("g")[-1] == "finished"
-    assert stage.states("a")[-1] == "stopped"
+    assert harness.states("g")[-1] == "finished"
+    assert harness.states("a")[-1] == "stopped"
 
 
 def test_wall_time_counts_from_when_simulation_time_can_begin(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-    heartbeats, read, rested = stage.bus.heartbeats, list[float](), list[float]()
+    harness = SupervisorHarness(tmp_path)
+    heartbeats, read, rested = harness.bus.heartbeats, list[float](), list[float]()
 
     def read_heartbeats() -> Sequence[Health]:
-        if "ready" not in stage.states("begins"):
+        if "ready" not in harness.states("begins"):
             read.append(time.monotonic())
         return heartbeats()
 
@@ -57,36 +57,36 @@ def test_wall_time_counts_from_when_simulation_time_can_begin(tmp_path: Path) ->
         await asyncio.sleep(0.3)
         rested.append(time.monotonic())
 
-    stage.bus.heartbeats = read_heartbeats  # type: ignore[method-assign]
+    harness.bus.heartbeats = read_heartbeats  # type: ignore[method-assign]
     late = faulty_process("good", "/late", depends_on=("begins",))
-    outcome = stage.run(rest, faulty_process("good", "/begins", awaited=True), late)
-    assert read[-1] > stage.time_of("begins", "starting")
-    longest = stage.time_of("late", "stopping") - read[-1]
-    assert rested[0] - stage.time_of("begins", "ready") <= outcome.wall_seconds <= longest
+    outcome = harness.run(rest, faulty_process("good", "/begins", awaited=True), late)
+    assert read[-1] > harness.time_of("begins", "starting")
+    longest = harness.time_of("late", "stopping") - read[-1]
+    assert rested[0] - harness.time_of("begins", "ready") <= outcome.wall_seconds <= longest
 
 
-async def required_process_that_fails_ends_the_fleet(stage: SupervisorHarness) -> None:
+async def required_process_that_fails_ends_the_fleet(harness: SupervisorHarness) -> None:
     crash = faulty_process("crash_later", "/r", "0.3", required=True, policy=FAST_POLICY)
-    ended, reason = await run_to_end(stage, faulty_process("good", "/a"), crash)
+    ended, reason = await run_to_end(harness, faulty_process("good", "/a"), crash)
     assert ended == "failed"
     assert reason.startswith("r failed: exit status 1; restarted 3 times")
-    assert stage.states("a")[-1] == "stopped"
+    assert harness.states("a")[-1] == "stopped"
 
 
-async def run_graded(stage: SupervisorHarness, process: ProcessSpec, stopped: str = "") -> Outcome:
+async def run_graded(harness: SupervisorHarness, process: ProcessSpec, stopped: str = "") -> Outcome:
     """Run a process until a grader ends the run, once all are ready; first stop the process ``stopped`` by request."""
     grader = faulty_process("grader", "/g", required=True)
-    supervisor = stage.supervisor(process, grader)
+    supervisor = harness.supervisor(process, grader)
     running = asyncio.create_task(supervisor.run())
     try:
         await wait_all_ready(supervisor)
         if stopped:
-            stage.bus.orders.append(("stop", stopped))
+            harness.bus.requests.append(("stop", stopped))
             await wait_until(lambda: supervisor.processes[stopped].state == "stopped")
-        (stage.folder / "graded").touch()
+        (harness.folder / "graded").touch()
         return await asyncio.wait_for(running, WITHIN_S)
     finally:
-        stage.warden.close()
+        harness.reaper.close()
 
 
 async def its_node_has_ended(supervisor: Supervisor) -> None:
@@ -95,109 +95,109 @@ async def its_node_has_ended(supervisor: Supervisor) -> None:
     await wait_until(lambda: supervisor.processes["c"].activity == "stopping")
 
 
-async def a_process_that_is_about_to_crash_has_crashed_though_its_fleet_ends(stage: SupervisorHarness) -> None:
+async def a_process_that_is_about_to_crash_has_crashed_though_its_fleet_ends(harness: SupervisorHarness) -> None:
     """Printing its traceback takes a while, within which a lockstep run may end."""
-    outcome = await stage.play(
+    outcome = await harness.play(
         its_node_has_ended, faulty_process("end_slowly", "/c", "0.5"), faulty_process("good", "/a")
     )
     assert outcome.failed_nodes == ("/c",)
-    assert stage.states("c")[-1] == "failed"
-    assert stage.states("a")[-1] == "stopped"
+    assert harness.states("c")[-1] == "failed"
+    assert harness.states("a")[-1] == "stopped"
 
 
-async def a_process_whose_node_has_ended_and_that_does_not_end_is_asked_to(stage: SupervisorHarness) -> None:
-    outcome = await stage.play(its_node_has_ended, faulty_process("end_slowly", "/c", "60"))
+async def a_process_whose_node_has_ended_and_that_does_not_end_is_asked_to(harness: SupervisorHarness) -> None:
+    outcome = await harness.play(its_node_has_ended, faulty_process("end_slowly", "/c", "60"))
     assert outcome.failed_nodes == ()
-    assert stage.states("c")[-2:] == ["stopping", "stopped"]
+    assert harness.states("c")[-2:] == ["stopping", "stopped"]
 
 
-async def a_process_that_fails_as_a_graded_run_stops_it_has_failed(stage: SupervisorHarness) -> None:
+async def a_process_that_fails_as_a_graded_run_stops_it_has_failed(harness: SupervisorHarness) -> None:
     """It may have raised in the last step, and be printing its traceback."""
-    outcome = await run_graded(stage, faulty_process("fail_on_stop", "/c"))
+    outcome = await run_graded(harness, faulty_process("fail_on_stop", "/c"))
     assert (outcome.failed_on_stop, outcome.failed_nodes) == (("c",), ("/c",))
 
 
-async def a_process_that_fails_on_a_stop_by_request_left_before_the_end(stage: SupervisorHarness) -> None:
-    outcome = await run_graded(stage, faulty_process("fail_on_stop", "/c"), stopped="c")
+async def a_process_that_fails_on_a_stop_by_request_left_before_the_end(harness: SupervisorHarness) -> None:
+    outcome = await run_graded(harness, faulty_process("fail_on_stop", "/c"), stopped="c")
     assert (outcome.failed_on_stop, outcome.failed_nodes) == (("c",), ())
 
 
-async def an_interrupted_run_judges_no_process_by_how_it_stops(stage: SupervisorHarness) -> None:
-    outcome = await stage.play(wait_all_ready, faulty_process("fail_on_stop", "/c"))
+async def an_interrupted_run_judges_no_process_by_how_it_stops(harness: SupervisorHarness) -> None:
+    outcome = await harness.play(wait_all_ready, faulty_process("fail_on_stop", "/c"))
     assert (outcome.ended, outcome.failed_on_stop, outcome.failed_nodes) == ("interrupted", ("c",), ())
 
 
-async def required_process_that_finishes_too_early_ends_the_fleet(stage: SupervisorHarness) -> None:
+async def required_process_that_finishes_too_early_ends_the_fleet(harness: SupervisorHarness) -> None:
     ended, reason = await run_to_end(
-        stage, faulty_process("good", "/a"), faulty_process("brief", "/r", "0.3", required=True)
+        harness, faulty_process("good", "/a"), faulty_process("brief", "/r", "0.3", required=True)
     )
     assert (ended, reason) == ("failed", "r finished: exit status 0")
 
 
-async def finished_service_is_not_restarted(stage: SupervisorHarness) -> None:
+async def finished_service_is_not_restarted(harness: SupervisorHarness) -> None:
     async def watch(supervisor: Supervisor) -> None:
         await wait_until(lambda: supervisor.processes["a"].state == "finished")
         await asyncio.sleep(0.3)
 
-    assert (await stage.play(watch, faulty_process("brief", "/a", "0.2"))).restarts == 0
-    assert stage.states("a")[-1] == "finished"
+    assert (await harness.play(watch, faulty_process("brief", "/a", "0.2"))).restarts == 0
+    assert harness.states("a")[-1] == "finished"
 
 
 def test_deaf_process_is_killed_in_turn(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path, patience=(0.4, 0.3))
-    stage.run(wait_all_ready, faulty_process("deaf", "/a"))
-    assert 0.7 <= stage.time_of("a", "stopped") - stage.time_of("a", "stopping") < sum(STOP_TIMEOUTS_S)
-    assert stage.bus.published[-1].processes[0].exit_status == -signal.SIGKILL
+    harness = SupervisorHarness(tmp_path, stop_timeouts=(0.4, 0.3))
+    harness.run(wait_all_ready, faulty_process("deaf", "/a"))
+    assert 0.7 <= harness.time_of("a", "stopped") - harness.time_of("a", "stopping") < sum(STOP_TIMEOUTS_S)
+    assert harness.bus.published[-1].processes[0].exit_status == -signal.SIGKILL
 
 
-async def second_interrupt_kills_at_once(stage: SupervisorHarness) -> None:
-    stage.patience = (20.0, 20.0)
+async def second_interrupt_kills_at_once(harness: SupervisorHarness) -> None:
+    harness.stop_timeouts = (20.0, 20.0)
 
     async def twice(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
         supervisor.interrupt()
-        await wait_until(lambda: stage.states("a")[-1] == "stopping")
+        await wait_until(lambda: harness.states("a")[-1] == "stopping")
         supervisor.interrupt()
 
-    await stage.play(twice, faulty_process("deaf", "/a"))
-    assert stage.time_of("a", "stopped") - stage.time_of("a", "stopping") < stage.patience[0]
+    await harness.play(twice, faulty_process("deaf", "/a"))
+    assert harness.time_of("a", "stopped") - harness.time_of("a", "stopping") < harness.stop_timeouts[0]
 
 
-async def error_of_the_supervisor_itself_ends_the_fleet_in_order(stage: SupervisorHarness) -> None:
-    beats = stage.bus.heartbeats
+async def error_of_the_supervisor_itself_ends_the_fleet_in_order(harness: SupervisorHarness) -> None:
+    beats = harness.bus.heartbeats
 
     def fail_once_ready() -> Sequence[Health]:
-        if stage.states("a")[-1:] == ["ready"]:
+        if harness.states("a")[-1:] == ["ready"]:
             raise RuntimeError("the bus broke")
         return beats()
 
-    stage.bus.heartbeats = fail_once_ready  # type: ignore[method-assign]
-    ended, reason = await run_to_end(stage, faulty_process("good", "/a"))
+    harness.bus.heartbeats = fail_once_ready  # type: ignore[method-assign]
+    ended, reason = await run_to_end(harness, faulty_process("good", "/a"))
     assert (ended, reason) == ("failed", "internal error of the supervisor (watch): RuntimeError: the bus broke")
-    assert stage.states("a")[-1] == "stopped"
+    assert harness.states("a")[-1] == "stopped"
 
 
-async def grandchild_goes_with_its_group(stage: SupervisorHarness) -> None:
+async def grandchild_goes_with_its_group(harness: SupervisorHarness) -> None:
     pids = []
 
     async def watch(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
-        pids.append(int((stage.folder / "grandchild").read_text()))
+        pids.append(int((harness.folder / "grandchild").read_text()))
         assert not has_ended(pids[0])
 
-    await stage.play(watch, faulty_process("parent", "/a"))
+    await harness.play(watch, faulty_process("parent", "/a"))
     assert has_ended(pids[0])
 
 
-async def grandchild_of_a_process_that_crashed_goes_before_the_restart(stage: SupervisorHarness) -> None:
+async def grandchild_of_a_process_that_crashed_goes_before_the_restart(harness: SupervisorHarness) -> None:
     async def watch(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
-        first = int((stage.folder / "grandchild").read_text())
+        first = int((harness.folder / "grandchild").read_text())
         psutil.Process(supervisor.processes["a"].state_message().pid).kill()
-        await wait_until(lambda: stage.states("a").count("ready") == 2)
+        await wait_until(lambda: harness.states("a").count("ready") == 2)
         assert has_ended(first)
 
-    await stage.play(watch, faulty_process("parent", "/a"))
+    await harness.play(watch, faulty_process("parent", "/a"))
 
 
 def test_ends(tmp_path: Path) -> None:

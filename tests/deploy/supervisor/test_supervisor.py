@@ -9,11 +9,11 @@ from tests.deploy.supervisor.supervisor_harness import SupervisorHarness, faulty
 
 
 def test_starts_in_order_of_readiness_and_stops_in_reverse(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
+    harness = SupervisorHarness(tmp_path)
     first, second = faulty_process("good", "/first"), faulty_process("good", "/second", depends_on=("first",))
     third = faulty_process("good", "/third", depends_on=("first", "second"))
-    outcome = stage.run(wait_all_ready, third, second, first)
-    order = [(name, state) for _, name, state in stage.state_changes if state in ("starting", "ready", "stopped")]
+    outcome = harness.run(wait_all_ready, third, second, first)
+    order = [(name, state) for _, name, state in harness.state_changes if state in ("starting", "ready", "stopped")]
     assert order == [
         *[(name, state) for name in ("first", "second", "third") for state in ("starting", "ready")],
         *[(name, "stopped") for name in ("third", "second", "first")],
@@ -23,30 +23,30 @@ def test_starts_in_order_of_readiness_and_stops_in_reverse(tmp_path: Path) -> No
 
 
 def test_publishes_its_state_with_each_change(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-    stage.run(wait_all_ready, faulty_process("good", "/a"))
-    told = [state.processes[0].state for state in stage.bus.published]
-    assert told == stage.states("a") == ["waiting", "starting", "ready", "stopping", "stopped"]
-    assert stage.bus.published[2].processes[0].pid > 0
-    assert stage.bus.published[-1].processes[0].pid == 0
+    harness = SupervisorHarness(tmp_path)
+    harness.run(wait_all_ready, faulty_process("good", "/a"))
+    told = [state.processes[0].state for state in harness.bus.published]
+    assert told == harness.states("a") == ["waiting", "starting", "ready", "stopping", "stopped"]
+    assert harness.bus.published[2].processes[0].pid > 0
+    assert harness.bus.published[-1].processes[0].pid == 0
 
 
 def test_orders(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
-    answers = stage.bus.answers
+    harness = SupervisorHarness(tmp_path)
+    answers = harness.bus.answers
 
     async def order(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
         life = supervisor.processes["tb3_0/a"]
         first = life.state_message().pid
-        stage.bus.orders += [("start", "/tb3_0/a"), ("restart", "tb3_0/a"), ("restart", "tb3_0/aa")]
+        harness.bus.requests += [("start", "/tb3_0/a"), ("restart", "tb3_0/a"), ("restart", "tb3_0/aa")]
         await wait_until(lambda: len(answers) == 3 and life.state == "ready" and life.state_message().pid != first)
-        stage.bus.orders.append(("stop", "tb3_0/a"))
+        harness.bus.requests.append(("stop", "tb3_0/a"))
         await wait_until(lambda: life.state == "stopped")
-        stage.bus.orders += [("stop", "tb3_0/a"), ("start", "tb3_0/a")]
+        harness.bus.requests += [("stop", "tb3_0/a"), ("start", "tb3_0/a")]
         await wait_until(lambda: life.state == "ready")
 
-    outcome = stage.run(order, faulty_process("good", "/tb3_0/a"))
+    outcome = harness.run(order, faulty_process("good", "/tb3_0/a"))
     assert answers == [
         "refused: /tb3_0/a is already running (ready)",
         "tb3_0/a restarts",
@@ -59,9 +59,9 @@ def test_orders(tmp_path: Path) -> None:
 
 
 def test_log_is_bounded_and_never_blocks_its_process(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
+    harness = SupervisorHarness(tmp_path)
     lines = 100_000
-    stage.run(wait_all_ready, faulty_process("talker", "/a", str(lines)))
+    harness.run(wait_all_ready, faulty_process("talker", "/a", str(lines)))
     logs = [tmp_path / "logs" / name for name in ("a.log", "a.log.1")]
     sizes = [each.stat().st_size for each in logs]
     assert sum(sizes) >= lines * 100

@@ -40,7 +40,7 @@ RECORDER = """
                 print(count, flush=True)
 """
 
-HOARDER = """
+LARGE_LOG = """
     import base64, pathlib, random, sys
     import psutil
     from messages.rosgraph import Log
@@ -139,7 +139,7 @@ def test_a_file_that_cannot_be_written_is_told(tmp_path: Path) -> None:
 
 
 def test_memory_for_late_viewers_is_bounded(tmp_path: Path) -> None:
-    with python(HOARDER, tmp_path / "run.rrd", free_port()) as hoarder:
-        grown, _ = hoarder.communicate(timeout=60)
-    assert hoarder.returncode == 0
+    with python(LARGE_LOG, tmp_path / "run.rrd", free_port()) as process:
+        grown, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
     assert int(grown) < 130, "MiB, after 200 MB of text that does not compress, with 16 MiB to keep it in"

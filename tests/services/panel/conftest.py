@@ -325,15 +325,15 @@ def at() -> Iterator[HubHarness]:
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[ServerHarness]:
-    board, listening = PageRegistry(lambda: None, 2), listen(0)
+    registry, listening = PageRegistry(lambda: None, 2), listen(0)
     port = listening.getsockname()[1]
     gate = Authenticator(TOKEN, port)
-    with Server(create_app(gate, board), gate, listening, lambda: None, lambda: 0.1):
-        yield ServerHarness(board, port)
+    with Server(create_app(gate, registry), gate, listening, lambda: None, lambda: 0.1):
+        yield ServerHarness(registry, port)
 
 
 @pytest.fixture
-def desk(server: ServerHarness) -> Iterator[ServerHarness]:
+def panel(server: ServerHarness) -> Iterator[ServerHarness]:
     yield server
-    wait_until(lambda: server.board.pages == [], WITHIN_S, "all pages have left")
-    server.board.drain()
+    wait_until(lambda: server.registry.pages == [], WITHIN_S, "all pages have left")
+    server.registry.drain()

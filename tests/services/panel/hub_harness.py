@@ -75,17 +75,17 @@ class HubHarness:
     def __init__(self, bus: MemoryBus, panel: Node, robot: FakeRobot) -> None:
         self.bus, self.robot = bus, robot
         self.params = PanelParameters()
-        self.board = PageRegistry(lambda: None, 4)
-        self.hub = Hub(panel, self.board, self.params)
+        self.registry = PageRegistry(lambda: None, 4)
+        self.hub = Hub(panel, self.registry, self.params)
         self.wall = 0.0
 
     def page(self) -> Page:
-        page = self.board.open_page(lambda: None)
+        page = self.registry.open_page(lambda: None)
         assert page is not None
         return page
 
     def send(self, page: Page, said: ClientMessage) -> None:
-        assert self.board.submit(page, said)
+        assert self.registry.submit(page, said)
 
     def spin(self, seconds: float = PERIOD_S, tell: bool = False) -> None:
         """Run turns for ``seconds``; with ``tell``, publish simulation time as well."""

@@ -29,8 +29,8 @@ class HttpResponse(NamedTuple):
 class ServerHarness:
     """The server and its page registry. ``{port}`` in a header is replaced with the server's port."""
 
-    def __init__(self, board: PageRegistry, port: int) -> None:
-        self.board, self.port = board, port
+    def __init__(self, registry: PageRegistry, port: int) -> None:
+        self.registry, self.port = registry, port
 
     @property
     def url(self) -> str:

@@ -58,7 +58,7 @@ def test_a_hand_that_goes_stops_at_once(at: HubHarness, how: str) -> None:
     if how == "release":
         at.send(page, Release())
     else:
-        at.board.close_page(page)
+        at.registry.close_page(page)
     at.spin(tell=True)
     assert speeds(at) == [0.0]
 

@@ -99,7 +99,7 @@ def test_a_lifetime_counts_while_no_page_is_open(at: HubHarness) -> None:
     at.spin(0.2)
     at.robot.publish(10 * second)
     at.spin(0.2)
-    at.board.close_page(page)
+    at.registry.close_page(page)
     at.spin(0.2)
     at.robot.publish(100 * second)
     at.spin(0.2)

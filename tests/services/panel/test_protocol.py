@@ -46,35 +46,35 @@ WRONG = [
 ]
 
 
-def test_senseless_words_are_refused_with_a_reason_and_counted(desk: ServerHarness) -> None:
-    with desk.page_socket() as page:
+def test_senseless_words_are_refused_with_a_reason_and_counted(panel: ServerHarness) -> None:
+    with panel.page_socket() as page:
         for count, text in enumerate(WRONG, 1):
             page.send(text)
             error = receive(page)
             assert (error["k"], bool(error["reason"])) == ("error", True), text
-            assert desk.board.pages[0].rejected == count
+            assert panel.registry.pages[0].rejected == count
         page.send(b"\x00\xff")
         assert "UTF-8 text" in receive(page)["reason"]
-        assert desk.board.drain() == [], "none of it reached the loop"
+        assert panel.registry.drain() == [], "none of it reached the loop"
         page.send('{"k":"subscribe","channels":["log"]}')
         page.send("?")
         receive(page)
-        assert [said for _, said in desk.board.drain()] == [Subscribe(channels=("log",))]
+        assert [said for _, said in panel.registry.drain()] == [Subscribe(channels=("log",))]
 
 
 def test_text_that_is_not_utf8_is_refused_and_counted_as_any_other_bad_word(
-    desk: ServerHarness, caplog: pytest.LogCaptureFixture
+    panel: ServerHarness, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with desk.page_socket() as page:
+    with panel.page_socket() as page:
         page.send(b'{"k":"estop","id":1,"on":true}\xff', text=True)
         assert "messages must be UTF-8 text" in receive(page)["reason"]
         page.send(iter([b'{"k":"log', b"\xc3"]), text=True)  # in two frames, the last of which ends inside a character
         assert "messages must be UTF-8 text" in receive(page)["reason"]
-        assert desk.board.pages[0].rejected == 2
+        assert panel.registry.pages[0].rejected == 2
         page.send('{"k":"subscribe","fields":["/größe"]}'.encode(), text=True)
         assert "größe" in receive(page)["reason"], "a name that no topic has, in good UTF-8, is read"
         page.send('{"k":"release"}')
-        wait_until(desk.board.drain, WITHIN_S, "what comes after it to be read")
+        wait_until(panel.registry.drain, WITHIN_S, "what comes after it to be read")
     assert [each.message for each in caplog.records] == []
 
 
@@ -91,33 +91,33 @@ def closed(page: ClientConnection) -> int:
     return ended.value.rcvd.code
 
 
-def test_a_word_that_is_too_large_ends_the_page(desk: ServerHarness) -> None:
-    with desk.page_socket() as page:
+def test_a_word_that_is_too_large_ends_the_page(panel: ServerHarness) -> None:
+    with panel.page_socket() as page:
         page.send("x" * (MAX_MESSAGE_SIZE + 1))
         assert closed(page) == 1009
 
 
-def test_a_page_that_makes_no_sense_is_closed(desk: ServerHarness) -> None:
-    with desk.page_socket() as page:
+def test_a_page_that_makes_no_sense_is_closed(panel: ServerHarness) -> None:
+    with panel.page_socket() as page:
         for _ in range(51):
             page.send("?")
         assert closed(page) == 1008
 
 
-def test_a_page_that_talks_without_end_is_not_heard_out(desk: ServerHarness) -> None:
-    with desk.page_socket() as page:
+def test_a_page_that_talks_without_end_is_not_heard_out(panel: ServerHarness) -> None:
+    with panel.page_socket() as page:
         for _ in range(210):
             page.send('{"k":"release"}')
         assert "messages a second" in receive(page)["reason"]
 
 
-def test_only_so_many_pages(desk: ServerHarness) -> None:
-    with desk.page_socket(), desk.page_socket():
-        wait_until(lambda: len(desk.board.pages) == 2, WITHIN_S, "two are in")
-        with desk.page_socket() as third:
+def test_only_so_many_pages(panel: ServerHarness) -> None:
+    with panel.page_socket(), panel.page_socket():
+        wait_until(lambda: len(panel.registry.pages) == 2, WITHIN_S, "two are in")
+        with panel.page_socket() as third:
             assert closed(third) == 1013
-    wait_until(lambda: desk.board.pages == [], WITHIN_S, "they have left")
-    with desk.page_socket() as again:
+    wait_until(lambda: panel.registry.pages == [], WITHIN_S, "they have left")
+    with panel.page_socket() as again:
         again.send("?")
         assert receive(again)["k"] == "error", "their places are free"
 
@@ -129,7 +129,7 @@ def test_a_page_that_goes_before_it_is_let_in_takes_no_place(server: ServerHarne
     async def send(_: Message) -> None:
         raise OSError("the connection is gone")
 
-    board, pass_ = PageRegistry(lambda: None, 2), Authenticator(TOKEN, server.port)
+    registry, pass_ = PageRegistry(lambda: None, 2), Authenticator(TOKEN, server.port)
     headers = [(b"host", b"127.0.0.1:{port}"), *((k.encode(), v.encode()) for k, v in PAGE_HEADERS.items())]
     scope = {
         "type": "websocket",
@@ -139,5 +139,5 @@ def test_a_page_that_goes_before_it_is_let_in_takes_no_place(server: ServerHarne
         "headers": [(name, value.replace(b"{port}", str(server.port).encode())) for name, value in headers],
     }
     with ThreadPoolExecutor() as beside:  # the main thread's event loop belongs to the browser of other tests
-        beside.submit(lambda: asyncio.run(create_app(pass_, board)(scope, receive, send))).result(WITHIN_S)
-    assert board.pages == []
+        beside.submit(lambda: asyncio.run(create_app(pass_, registry)(scope, receive, send))).result(WITHIN_S)
+    assert registry.pages == []

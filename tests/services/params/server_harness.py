@@ -20,9 +20,9 @@ class ServerHarness:
     """A parameter server, its publications and its log."""
 
     def __init__(
-        self, desk: ParameterServer, told: list[Any], out: io.StringIO, alive: set[str], ended: list[str]
+        self, server: ParameterServer, told: list[Any], out: io.StringIO, alive: set[str], ended: list[str]
     ) -> None:
-        self.server, self.published, self.log, self.alive, self.ended = desk, told, out, alive, ended
+        self.server, self.published, self.log, self.alive, self.ended = server, told, out, alive, ended
 
     def set(self, clamp: bool = False, run: bool = False, request: str = "", **given: Any) -> ParameterValues:
         return self.server.set(
@@ -57,7 +57,7 @@ def server_harness(file: str = "") -> Iterator[ServerHarness]:
         told: list[Any] = []
         out, alive = io.StringIO(), {"/arm", "/reference"}
         ended: list[str] = []
-        desk = ParameterServer(
+        server = ParameterServer(
             store, told.append, Log("/params", out=out), lambda: 1_500_000_000, lambda: alive, ended.append
         )
-        yield ServerHarness(desk, told, out, alive, ended)
+        yield ServerHarness(server, told, out, alive, ended)

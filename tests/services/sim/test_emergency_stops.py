@@ -43,30 +43,30 @@ class StopHarness:
 
 
 def test_stops_add_up_and_each_holder_resets_its_own() -> None:
-    desk = StopHarness()
-    desk.say("/panel", True)
-    desk.say("/tool", True)
-    desk.say("", True)
-    desk.say("/panel", True, robot=ALL_ROBOTS)
-    assert desk.stops.holders("a") == ("/panel", "/tool", FOREIGN)
-    assert desk.stops.holders("b") == ("/panel",)
-    desk.say("/tool", False, session="another life")
-    desk.say("", False)
-    desk.say("/stranger", False)
-    assert desk.stops.holders("a") == ("/panel",)
-    desk.say("/panel", False)
-    assert desk.stops.holders("a") == ("/panel",), "that of all holds"
-    desk.say("/panel", False, robot=ALL_ROBOTS)
-    assert desk.stops.holders("a") == ()
-    assert desk.stops.all == ()
-    assert "in memory only" in desk.log
+    harness = StopHarness()
+    harness.say("/panel", True)
+    harness.say("/tool", True)
+    harness.say("", True)
+    harness.say("/panel", True, robot=ALL_ROBOTS)
+    assert harness.stops.holders("a") == ("/panel", "/tool", FOREIGN)
+    assert harness.stops.holders("b") == ("/panel",)
+    harness.say("/tool", False, session="another life")
+    harness.say("", False)
+    harness.say("/stranger", False)
+    assert harness.stops.holders("a") == ("/panel",)
+    harness.say("/panel", False)
+    assert harness.stops.holders("a") == ("/panel",), "that of all holds"
+    harness.say("/panel", False, robot=ALL_ROBOTS)
+    assert harness.stops.holders("a") == ()
+    assert harness.stops.all == ()
+    assert "in memory only" in harness.log
 
 
 def test_a_stop_that_is_reset_at_once_was_a_stop() -> None:
-    desk = StopHarness()
-    assert desk.say("/panel", True, False)
-    assert not desk.say("/panel", False)
-    assert desk.stops.holders("a") == ()
+    harness = StopHarness()
+    assert harness.say("/panel", True, False)
+    assert not harness.say("/panel", False)
+    assert harness.stops.holders("a") == ()
 
 
 def test_a_restart_keeps_them_and_the_holder_by_its_name(tmp_path: Path) -> None:
@@ -90,56 +90,56 @@ def test_a_restart_keeps_them_and_the_holder_by_its_name(tmp_path: Path) -> None
 
 
 def test_a_deleted_robot_takes_its_stops_with_it(tmp_path: Path) -> None:
-    desk = StopHarness(tmp_path / "stops.json")
-    desk.say("/panel", True)
-    desk.say("/panel", True, robot="b")
-    desk.stops.remove_robot("a")
-    assert desk.stops.save()
+    harness = StopHarness(tmp_path / "stops.json")
+    harness.say("/panel", True)
+    harness.say("/panel", True, robot="b")
+    harness.stops.remove_robot("a")
+    assert harness.stops.save()
     assert [each.robot for each in StopHarness(tmp_path / "stops.json").stops.all] == ["b"]
 
 
 def test_a_robot_is_not_stopped_by_what_a_deleted_one_of_its_name_had_heard() -> None:
     """A latched stop arrives again while its holder doesn't know of the deletion."""
-    desk = StopHarness()
+    harness = StopHarness()
     for _ in range(3):
-        desk.say("/panel", True)
-        desk.stops.remove_robot("a")
-    assert not desk.say("/panel", True)
-    assert desk.stops.holders("a") == ()
+        harness.say("/panel", True)
+        harness.stops.remove_robot("a")
+    assert not harness.say("/panel", True)
+    assert harness.stops.holders("a") == ()
     again = SampleInfo(2, 1, 16, publisher_id("/panel", "s", "e_stop"))
-    assert desk.stops.process("a", "/a/e_stop", [(Bool(data=True), again)])
-    assert desk.stops.holders("a") == ("/panel",)
+    assert harness.stops.process("a", "/a/e_stop", [(Bool(data=True), again)])
+    assert harness.stops.holders("a") == ("/panel",)
 
 
 def test_release_names_what_there_is() -> None:
-    desk = StopHarness()
+    harness = StopHarness()
     with pytest.raises(BadInput, match=r"no emergency stop of a to release \(active stops: none\)"):
-        desk.stops.release("a")
-    desk.say("/panel", True)
-    desk.say("/tool", True)
+        harness.stops.release("a")
+    harness.say("/panel", True)
+    harness.say("/tool", True)
     with pytest.raises(BadInput, match=r"no emergency stop of all robots to release \(active stops: a\)"):
-        desk.stops.release(ALL_ROBOTS)
+        harness.stops.release(ALL_ROBOTS)
     with pytest.raises(BadInput, match=r"a: unknown holder '/pane'; did you mean '/panel'\? \(known: /panel, /tool\)"):
-        desk.stops.release("a", "/pane")
-    assert desk.stops.release("a", "/panel") == "a: the stop of /panel is released; still stopped by /tool"
-    desk.say("/panel", True, robot=ALL_ROBOTS)
-    assert desk.stops.release("a", desk.stops.all[0].id).endswith("still stopped by /panel")
-    assert desk.stops.release(ALL_ROBOTS) == "all robots: the stop of /panel is released"
+        harness.stops.release("a", "/pane")
+    assert harness.stops.release("a", "/panel") == "a: the stop of /panel is released; still stopped by /tool"
+    harness.say("/panel", True, robot=ALL_ROBOTS)
+    assert harness.stops.release("a", harness.stops.all[0].id).endswith("still stopped by /panel")
+    assert harness.stops.release(ALL_ROBOTS) == "all robots: the stop of /panel is released"
 
 
 def test_a_damaged_file_stops_all_robots_until_that_is_released(tmp_path: Path) -> None:
     path = tmp_path / "stops.json"
-    desk = StopHarness(path)
-    desk.say("/panel", True)
+    harness = StopHarness(path)
+    harness.say("/panel", True)
     sound = path.read_bytes()
     damaged = [sound[:at] + bytes([sound[at] ^ 4]) + sound[at + 1 :] for at in range(0, len(sound), 3)]
     for content in (b"", sound[:-20], b"[]", b"null", b"\xff" * 100, *damaged):
         path.write_bytes(content)
-        desk = StopHarness(path)
-        assert desk.stops.holders("any") == (DAMAGED,), content
+        harness = StopHarness(path)
+        assert harness.stops.holders("any") == (DAMAGED,), content
         assert (tmp_path / "stops.json.damaged").read_bytes() == content
-    assert "all robots are stopped" in desk.log
-    assert "./elea sim release --all" in desk.log
+    assert "all robots are stopped" in harness.log
+    assert "./elea sim release --all" in harness.log
     again = StopHarness(path)
     assert again.stops.holders("any") == (DAMAGED,), "through another restart, too"
     again.stops.release(ALL_ROBOTS)
@@ -152,36 +152,36 @@ def test_a_damaged_file_stops_all_robots_until_that_is_released(tmp_path: Path) 
 
 def test_on_a_full_disk_stops_hold_and_are_written_later(tmp_path: Path) -> None:
     path = tmp_path / "stops.json"
-    desk = StopHarness(path)
-    desk.say("/panel", True)
+    harness = StopHarness(path)
+    harness.say("/panel", True)
     before, limit = path.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (10, limit[1]))
-        desk.say("/tool", True)
-        assert desk.stops.holders("a") == ("/panel", "/tool")
+        harness.say("/tool", True)
+        assert harness.stops.holders("a") == ("/panel", "/tool")
         assert path.read_bytes() == before
-        assert "they stay active, but would be lost if the simulation restarted now" in desk.log
-        desk.now = 1.5
-        desk.stops.save()
+        assert "they stay active, but would be lost if the simulation restarted now" in harness.log
+        harness.now = 1.5
+        harness.stops.save()
         assert list(tmp_path.iterdir()) == [path], "nothing half is left"
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
         signal.signal(signal.SIGXFSZ, ignored)
-    desk.stops.save()
+    harness.stops.save()
     assert path.read_bytes() == before, "only after a while"
-    desk.now = 3.0
-    assert not desk.stops.save(), "nothing has changed for those who are told"
+    harness.now = 3.0
+    assert not harness.stops.save(), "nothing has changed for those who are told"
     assert StopHarness(path).stops.holders("a") == ("/panel", "/tool")
-    assert "written to" in desk.log.splitlines()[-1]
+    assert "written to" in harness.log.splitlines()[-1]
 
 
 def test_forged_ids_fill_nothing(tmp_path: Path) -> None:
-    desk = StopHarness(tmp_path / "stops.json")
+    harness = StopHarness(tmp_path / "stops.json")
     for number in range(3 * MAX_HOLDERS):
-        desk.say(f"/forged_{number}", True)
-    assert len(desk.stops.all) == MAX_HOLDERS + 1
-    assert OTHERS in desk.stops.holders("a")
+        harness.say(f"/forged_{number}", True)
+    assert len(harness.stops.all) == MAX_HOLDERS + 1
+    assert OTHERS in harness.stops.holders("a")
     for number in range(3 * MAX_HOLDERS):
-        desk.say(f"/forged_{number}", False)
-    assert desk.stops.holders("a") == (OTHERS,), "whose they are nobody knows: only a request releases them"
+        harness.say(f"/forged_{number}", False)
+    assert harness.stops.holders("a") == (OTHERS,), "whose they are nobody knows: only a request releases them"

@@ -91,11 +91,11 @@ def simulated_robot(logs: Path) -> Iterator[SimulatedRobot]:
 def teleop_terminal(drive: SimulatedRobot, *options: str) -> Iterator[PseudoTerminal]:
     """Run ``elea teleop`` in a terminal; yield it once it is ready, the robot stands and no command is under way."""
     arguments = ["-m", "deploy", "teleop", f"/{ROBOT}", "--connect", drive.network.endpoint, *options]
-    with PseudoTerminal(arguments) as seat:
-        seat.wait_ready()
-        wait_until(lambda: "driving" in seat.text, WITHIN_S, "the display")
+    with PseudoTerminal(arguments) as terminal:
+        terminal.wait_ready()
+        wait_until(lambda: "driving" in terminal.text, WITHIN_S, "the display")
         drive.wait_standing()
-        yield seat
+        yield terminal
 
 
 def assert_moved_smoothly(drive: SimulatedRobot, strokes: KeyEvents) -> None:

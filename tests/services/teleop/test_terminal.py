@@ -48,9 +48,9 @@ def assert_stopped_soon(drive: SimulatedRobot, strokes: KeyEvents) -> None:
 
 
 def test_a_tap_drives_for_the_first_time_out_and_zero_is_held_and_then_nothing_is_sent(drive: SimulatedRobot) -> None:
-    with teleop_terminal(drive) as seat:
+    with teleop_terminal(drive) as terminal:
         start = drive.recorder.samples[-1]
-        struck = seat.type("i")
+        struck = terminal.type("i")
         stop = drive.first_zero_after(struck)
         assert [
             each for each in drive.commands_between(struck - 1, struck + 60) if each.moves and each.sent < stop.sent
@@ -63,28 +63,28 @@ def test_a_tap_drives_for_the_first_time_out_and_zero_is_held_and_then_nothing_i
         drive.wait(1.0)
         assert len(drive.recorder.command_samples) == silent
         assert drive.recorder.base.source == ""
-        assert "nothing: others may drive" in seat.text
+        assert "nothing: others may drive" in terminal.text
 
 
 def test_a_held_key_drives_smoothly_from_its_first_event_and_a_released_one_stops(drive: SimulatedRobot) -> None:
     """The first repeat arrives after 0.5 s, twice the base's time-out."""
-    with teleop_terminal(drive) as seat:
-        strokes = hold_without_lag(lambda: held(drive, seat, "i"))
+    with teleop_terminal(drive) as terminal:
+        strokes = hold_without_lag(lambda: held(drive, terminal, "i"))
         assert_moved_smoothly(drive, strokes)
         assert_stopped_soon(drive, strokes)
 
 
 def test_a_keyboard_with_a_delay_of_a_second_is_learned_from_the_first_hold(drive: SimulatedRobot) -> None:
-    with teleop_terminal(drive) as seat:
-        hold_without_lag(lambda: held(drive, seat, "i", delay=1.0))
-        strokes = hold_without_lag(lambda: held(drive, seat, ",", delay=1.0))
+    with teleop_terminal(drive) as terminal:
+        hold_without_lag(lambda: held(drive, terminal, "i", delay=1.0))
+        strokes = hold_without_lag(lambda: held(drive, terminal, ",", delay=1.0))
         assert_moved_smoothly(drive, strokes)
         assert_stopped_soon(drive, strokes)
 
 
 def test_two_keys_follow_each_other_without_a_stop_between(drive: SimulatedRobot) -> None:
-    with teleop_terminal(drive) as seat:
-        strokes = hold_without_lag(lambda: held(drive, seat, "iu", seconds=0.8))
+    with teleop_terminal(drive) as terminal:
+        strokes = hold_without_lag(lambda: held(drive, terminal, "iu", seconds=0.8))
         assert_moved_smoothly(drive, strokes)
         turning = strokes.times[len(strokes.times) // 2 :]
         assert min(each.speed for each in drive.samples_between(turning[0], turning[-1])) > 0.95 * MAX_SPEED
@@ -92,22 +92,24 @@ def test_two_keys_follow_each_other_without_a_stop_between(drive: SimulatedRobot
 
 
 def test_a_speed_key_changes_what_is_sent(drive: SimulatedRobot) -> None:
-    with teleop_terminal(drive, "--speed", "0.1") as seat:
-        seat.type("i")
-        seat.type("w")
-        wait_until(lambda: "+0.11 m/s ahead" in seat.text, WITHIN_S, "the new speed")
+    with teleop_terminal(drive, "--speed", "0.1") as terminal:
+        terminal.type("i")
+        terminal.type("w")
+        wait_until(lambda: "+0.11 m/s ahead" in terminal.text, WITHIN_S, "the new speed")
         drive.wait_standing()
 
 
-def held(drive: SimulatedRobot, seat: PseudoTerminal, keys: str, seconds: float = 1.5, delay: float = 0.5) -> KeyEvents:
+def held(
+    drive: SimulatedRobot, terminal: PseudoTerminal, keys: str, seconds: float = 1.5, delay: float = 0.5
+) -> KeyEvents:
     """Hold one key after the other, starting at standstill and without a key held before.
 
     A hold also counts as late if a command timed out at the base or simulation time fell behind.
     """
-    seat.type("k")
+    terminal.type("k")
     drive.wait_standing()
     before = drive.status().commands_timed_out
-    strokes = seat.hold(keys, seconds, delay)
+    strokes = terminal.hold(keys, seconds, delay)
     paused = drive.status().commands_timed_out > before
     first, *_, last = drive.samples_between(strokes.times[0], strokes.times[-1])
     lag = (last.sent - first.sent - (last.time - first.time)) / 1e9
@@ -115,43 +117,43 @@ def held(drive: SimulatedRobot, seat: PseudoTerminal, keys: str, seconds: float 
 
 
 def test_any_other_key_stops_at_once_even_those_that_suspend_or_hold_a_terminal(drive: SimulatedRobot) -> None:
-    with teleop_terminal(drive, "--key-timeout", "5") as seat:
+    with teleop_terminal(drive, "--key-timeout", "5") as terminal:
         for key in ("k", " ", "\x1a", "\x13", "\x1c", "\x1bOA"):
             with case(repr(key)):
-                seat.type("i")
+                terminal.type("i")
                 wait_until(lambda: drive.poll() or drive.recorder.speed > 0.95 * MAX_SPEED, WITHIN_S, "full speed")
-                drive.first_zero_after(seat.type(key))
+                drive.first_zero_after(terminal.type(key))
                 drive.wait_standing()
-        seat.type("q")
-        wait_until(lambda: "0.55 m/s" in seat.text, WITHIN_S, "a teleop that goes on")
+        terminal.type("q")
+        wait_until(lambda: "0.55 m/s" in terminal.text, WITHIN_S, "a teleop that goes on")
 
 
 def test_it_obeys_the_emergency_stop_and_shows_it(drive: SimulatedRobot) -> None:
-    with drive.network.node("watch") as node, teleop_terminal(drive, "--key-timeout", "5") as seat:
+    with drive.network.node("watch") as node, teleop_terminal(drive, "--key-timeout", "5") as terminal:
         told = node.advertise(E_STOP, "/rover/e_stop")
         wait_until(lambda: drive.poll() or told.has_subscribers, WITHIN_S, "a base that listens")
         told.publish(Bool(data=True))
         wait_until(lambda: drive.poll() or drive.recorder.base.e_stopped, WITHIN_S, "an emergency stop")
-        since = seat.type("i")
-        wait_until(lambda: "EMERGENCY STOP" in seat.text, WITHIN_S, "the display to tell of it")
+        since = terminal.type("i")
+        wait_until(lambda: "EMERGENCY STOP" in terminal.text, WITHIN_S, "the display to tell of it")
         wait_until(lambda: drive.poll() or drive.commands_between(since, since + 60), WITHIN_S, "commands")
         drive.wait(0.5)
         assert all(abs(each.speed) < STANDSTILL_SPEED for each in drive.samples_between(since, since + 60))
         told.publish(Bool(data=False))
         wait_until(lambda: drive.poll() or not drive.recorder.base.e_stopped, WITHIN_S, "the end of it")
-        seat.type("k")
+        terminal.type("k")
 
 
 @pytest.mark.parametrize("way", ["Ctrl-C", "SIGTERM", "SIGHUP"])
 def test_on_leaving_the_robot_stops_and_the_terminal_is_as_it_was(drive: SimulatedRobot, way: str) -> None:
-    with teleop_terminal(drive, "--key-timeout", "5") as seat:
-        assert seat.attributes != seat.before
-        seat.type("i")
+    with teleop_terminal(drive, "--key-timeout", "5") as terminal:
+        assert terminal.attributes != terminal.before
+        terminal.type("i")
         wait_until(lambda: drive.poll() or drive.recorder.speed > 0.95 * MAX_SPEED, WITHIN_S, "full speed")
-        left = seat.type("\x03") if way == "Ctrl-C" else seat.send_signal(signal.Signals[way])
-        assert seat.wait() == 0, seat.text
-        assert seat.attributes == seat.before
-        assert "Traceback" not in seat.text
+        left = terminal.type("\x03") if way == "Ctrl-C" else terminal.send_signal(signal.Signals[way])
+        assert terminal.wait() == 0, terminal.text
+        assert terminal.attributes == terminal.before
+        assert "Traceback" not in terminal.text
         drive.first_zero_after(left)
         drive.wait_standing()
     drive.wait(0.3)
@@ -159,11 +161,11 @@ def test_on_leaving_the_robot_stops_and_the_terminal_is_as_it_was(drive: Simulat
 
 
 def test_a_window_that_is_closed_stops_the_robot(drive: SimulatedRobot) -> None:
-    with teleop_terminal(drive, "--key-timeout", "5") as seat:
-        seat.type("i")
+    with teleop_terminal(drive, "--key-timeout", "5") as terminal:
+        terminal.type("i")
         wait_until(lambda: drive.poll() or drive.recorder.speed > 0.95 * MAX_SPEED, WITHIN_S, "full speed")
-        seat.close()
-        assert seat.wait() == 0
+        terminal.close()
+        assert terminal.wait() == 0
         drive.wait_standing()
     drive.wait(0.5)
     assert not drive.recorder.command_samples[-1].moves
@@ -171,12 +173,12 @@ def test_a_window_that_is_closed_stops_the_robot(drive: SimulatedRobot) -> None:
 
 @pytest.mark.parametrize(("fault", "status"), [("raise", 1), ("thread", 70)])
 def test_after_an_error_the_terminal_is_as_it_was(fault: str, status: int) -> None:
-    with PseudoTerminal(["-m", "tests.services.teleop.failing_program", fault]) as seat:
-        seat.wait_ready()
-        seat.type("i")
-        assert seat.wait() == status
-        assert seat.attributes == seat.before
-        wait_until(lambda: "on purpose" in seat.text, WITHIN_S, "the traceback")
+    with PseudoTerminal(["-m", "tests.services.teleop.failing_program", fault]) as terminal:
+        terminal.wait_ready()
+        terminal.type("i")
+        assert terminal.wait() == status
+        assert terminal.attributes == terminal.before
+        wait_until(lambda: "on purpose" in terminal.text, WITHIN_S, "the traceback")
 
 
 def test_a_second_teleop_of_a_robot_is_refused(drive: SimulatedRobot) -> None:
@@ -190,12 +192,12 @@ def test_a_second_teleop_of_a_robot_is_refused(drive: SimulatedRobot) -> None:
 
 
 def test_a_robot_that_is_not_there_is_told_with_those_that_are(drive: SimulatedRobot) -> None:
-    with PseudoTerminal(["-m", "deploy", "teleop", "/rovr", "--connect", drive.network.endpoint]) as seat:
-        assert seat.wait() == 2
-        wait_until(lambda: "did you mean '/rover'? (known: /rover)" in seat.text, WITHIN_S, "the reason")
+    with PseudoTerminal(["-m", "deploy", "teleop", "/rovr", "--connect", drive.network.endpoint]) as terminal:
+        assert terminal.wait() == 2
+        wait_until(lambda: "did you mean '/rover'? (known: /rover)" in terminal.text, WITHIN_S, "the reason")
 
 
 def test_no_router_is_told() -> None:
-    with PseudoTerminal(["-m", "deploy", "teleop", "--connect", "tcp/127.0.0.1:1"]) as seat:
-        assert seat.wait() == 2
-        wait_until(lambda: "no router at tcp/127.0.0.1:1" in seat.text, WITHIN_S, "the reason")
+    with PseudoTerminal(["-m", "deploy", "teleop", "--connect", "tcp/127.0.0.1:1"]) as terminal:
+        assert terminal.wait() == 2
+        wait_until(lambda: "no router at tcp/127.0.0.1:1" in terminal.text, WITHIN_S, "the reason")

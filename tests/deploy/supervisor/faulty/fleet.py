@@ -6,8 +6,8 @@ from pathlib import Path
 
 from tests.deploy.supervisor.supervisor_harness import SupervisorHarness, faulty_process
 
-stage = SupervisorHarness(Path(sys.argv[1]))
-supervisor = stage.supervisor(
+harness = SupervisorHarness(Path(sys.argv[1]))
+supervisor = harness.supervisor(
     faulty_process("good", "/a"), faulty_process("parent", "/b"), faulty_process("deaf", "/c")
 )
 asyncio.run(supervisor.run())

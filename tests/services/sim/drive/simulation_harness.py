@@ -161,10 +161,10 @@ def run_simulation(
         open_world(engine or default_engine(), WorldDescription(), STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
-        stage = Simulation(node, world, seed)
-        SimulationServices(stage, node)
-        stage.spawn(RobotEntry(name=NAME, model=model, parameters=base_parameters(**parameters)), at or Pose3())
-        yield SimulationHarness(SimulationLoop(stage, RealTime(stage, node, 1000), node), bus, node, log)
+        simulation = Simulation(node, world, seed)
+        SimulationServices(simulation, node)
+        simulation.spawn(RobotEntry(name=NAME, model=model, parameters=base_parameters(**parameters)), at or Pose3())
+        yield SimulationHarness(SimulationLoop(simulation, RealTime(simulation, node, 1000), node), bus, node, log)
 
 
 def base_parameters(**parameters: object) -> BaseParameters:

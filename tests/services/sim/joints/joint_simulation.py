@@ -114,15 +114,15 @@ def run_joint_simulation(
         open_world(default_engine(), scene, STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
-        stage = Simulation(node, world, 0)
-        timing = RealTime(stage, node, 1000)
-        loop = SimulationLoop(stage, timing, node)
-        models = SimulationServices(stage, node, RobotLoader(folders, loop.answer_between_ticks, node.log.info))
-        joints = JointServices(stage, node)
-        properties = PropertyServices(stage, timing, node, params, scene)
-        GazeboServices(stage, node, models, joints, properties, loop)
+        simulation = Simulation(node, world, 0)
+        timing = RealTime(simulation, node, 1000)
+        loop = SimulationLoop(simulation, timing, node)
+        models = SimulationServices(simulation, node, RobotLoader(folders, loop.answer_between_ticks, node.log.info))
+        joints = JointServices(simulation, node)
+        properties = PropertyServices(simulation, timing, node, params, scene)
+        GazeboServices(simulation, node, models, joints, properties, loop)
         for entry in params.robots:
-            stage.spawn(with_own_files(entry), Pose3((entry.x, entry.y, 0.0)))
+            simulation.spawn(with_own_files(entry), Pose3((entry.x, entry.y, 0.0)))
         yield JointSimulation(loop, bus, node, log)
 
 

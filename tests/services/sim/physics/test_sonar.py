@@ -173,14 +173,14 @@ def test_nothing_is_measured_while_nobody_listens(monkeypatch: pytest.MonkeyPatc
     ):
         rays = world.cast_rays
         monkeypatch.setattr(world, "cast_rays", lambda *ends: cast.append(len(ends[0])) or rays(*ends))
-        stage = Simulation(sim, world, 0)
-        stage.spawn(RobotEntry(name="robot", model="p3dx"), placement_at(0.0, 0.0))
+        simulation = Simulation(sim, world, 0)
+        simulation.spawn(RobotEntry(name="robot", model="p3dx"), placement_at(0.0, 0.0))
         for listens in (False, True, False):
             cast.clear()
             heard_by = other.subscribe(RANGE, "/robot/sonar/range") if listens else None
             for _ in range(40):
-                stage.publish()
-                stage.step()
+                simulation.publish()
+                simulation.step()
             assert cast == ([16 * 37] * 2 if listens else [])
             if heard_by is not None:
                 other.unregister(heard_by)
@@ -193,14 +193,14 @@ def test_the_simulation_publishes_them_ten_times_a_second_to_who_listens(new_wor
         memory_node(bus, "sim") as sim,
         memory_node(bus, "other") as other,
     ):
-        stage = Simulation(sim, world, 0)
+        simulation = Simulation(sim, world, 0)
         entry = RobotEntry(name="robot", model="p3dx", namespace="RosAria", parameters=BaseParameters(noise=False))
-        stage.spawn(entry, placement_at(0.0, 0.0))
+        simulation.spawn(entry, placement_at(0.0, 0.0))
         fixed = other.subscribe(TF_STATIC)
         clouds, singles, scans = (other.subscribe(each, f"/RosAria/{each.name}") for each in (SONAR, RANGE, SCAN))
         for _ in range(101):
-            stage.publish()
-            stage.step()
+            simulation.publish()
+            simulation.step()
         for each in (clouds, singles, scans, fixed):
             each.update()
         readings = sonar_ranges(world, "robot", RING)
