@@ -25,6 +25,9 @@ from tests.deploy.supervisor.supervisor_harness import (
     wait_until,
 )
 
+LONG_ENOUGH_S = (WITHIN_S, WITHIN_S)
+"""Wall time limits for a process that ends by itself after SIGINT, on a busy machine: it is not signalled again."""
+
 
 async def run_to_end(harness: SupervisorHarness, *processes: ProcessSpec) -> tuple[str, str]:
     try:
@@ -75,6 +78,7 @@ async def required_process_that_fails_ends_the_fleet(harness: SupervisorHarness)
 
 async def run_graded(harness: SupervisorHarness, process: ProcessSpec, stopped: str = "") -> Outcome:
     """Run a process until a grader ends the run, once all are ready; first stop the process ``stopped`` by request."""
+    harness.stop_timeouts = LONG_ENOUGH_S
     grader = faulty_process("grader", "/g", required=True)
     supervisor = harness.supervisor(process, grader)
     running = asyncio.create_task(supervisor.run())
@@ -123,6 +127,7 @@ async def a_process_that_fails_on_a_stop_by_request_left_before_the_end(harness:
 
 
 async def an_interrupted_run_judges_no_process_by_how_it_stops(harness: SupervisorHarness) -> None:
+    harness.stop_timeouts = LONG_ENOUGH_S
     outcome = await harness.play(wait_all_ready, faulty_process("fail_on_stop", "/c"))
     assert (outcome.ended, outcome.failed_on_stop, outcome.failed_nodes) == ("interrupted", ("c",), ())
 
