@@ -164,10 +164,12 @@ class ManagedProcess:
         if self._child is not None:
             self._child.signal(signal.SIGKILL)
 
-    async def stop(self, stop_timeouts: Sequence[float] = STOP_TIMEOUTS_S) -> None:
+    async def stop(self, stop_timeouts: Sequence[float] = STOP_TIMEOUTS_S, at_end: bool = False) -> None:
         """Stop it by SIGINT, SIGTERM and SIGKILL in turn, and do not restart it.
 
         A process whose nodes have all ended is about to exit: its exit counts as if it had not been asked to stop.
+        ``at_end``: the run has ended by itself, which may happen just as the process fails, so an exit with an error
+        counts in the same way.
         """
         async with self._stop_lock:
             if self._task is not None:
@@ -176,11 +178,7 @@ class ManagedProcess:
             self.ready.clear()
             child = self._child
             if child is not None and self.state == "ready" and await self._ends_by_itself(child):
-                how, last = self._note_end(child.status or 0)
-                if child.status:
-                    self._set_state("failed", f"{how}: {last}" if last and child.status > 0 else how)
-                else:
-                    self._set_state("finished", how)
+                self._finish_unasked(child.status or 0)
             elif child is not None and child.status is None:
                 was_ready = self.state == "ready"
                 self._set_state("stopping")
@@ -196,12 +194,22 @@ class ManagedProcess:
                             self._spawner.log_path(self.spec.name), f"process {child.pid} does not end after SIGKILL"
                         )
                 self.failed_on_stop = was_ready and child.status in _ERROR_STATUSES
+                if self.failed_on_stop and at_end:
+                    self._finish_unasked(child.status or 0)
             if self.state not in ("finished", "failed"):
                 self._set_state("stopped")
 
     async def _ends_by_itself(self, child: ChildProcess) -> bool:
         """Return whether a process has exited unasked, or does so within ENDING_S of the end of all its nodes."""
         return child.status is not None or (not self._heartbeats and await child.wait_for(ENDING_S))
+
+    def _finish_unasked(self, status: int) -> None:
+        """Record the end of a process that counts as unrequested, and is not followed by a restart."""
+        how, last = self._note_end(status)
+        if status:
+            self._set_state("failed", f"{how}: {last}" if last and status > 0 else how)
+        else:
+            self._set_state("finished", how)
 
     def _note_end(self, status: int) -> tuple[str, str]:
         """Record an unrequested end, by exit or for its silence; return its description and the

@@ -77,8 +77,8 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     ``wall_seconds`` counts from the moment when simulation time could begin, or from the start if that never came.
     ``failed_on_stop`` are the services that exited with an error when they were asked to stop. ``containers_lost``
     describes each abnormal end of a process with several nodes: the reason, and its nodes. ``failed_nodes`` are the
-    nodes of all processes that exited with an error by themselves, or as the end of a graded run stopped them: the end
-    may meet a process just as it fails.
+    nodes of all processes that exited with an error by themselves, or that the end of a graded run stopped just as they
+    failed.
     """
 
     ended: RunEnd
@@ -148,8 +148,7 @@ class Supervisor:
                 self._start(process)
             ended, reason = await self._end
             wall = time.monotonic() - self._clock_start
-            stopped_at_end = [name for name, process in self.processes.items() if process.is_running]
-            await self._stop_all()
+            await self._stop_all(graded=ended == "graded")
         finally:
             self.kill_all()
             await self._cancel(self._tasks)
@@ -160,7 +159,6 @@ class Supervisor:
             for name, process in self.processes.items()
             if process.failed_on_stop and not is_script(process.spec.kind)
         )
-        failed_at_end = set(failed_on_stop).intersection(stopped_at_end) if ended == "graded" else set()
         return Outcome(
             ended=ended,
             reason=reason,
@@ -168,10 +166,7 @@ class Supervisor:
             restarts=restarts,
             failed_on_stop=failed_on_stop,
             failed_nodes=tuple(
-                node
-                for name, process in self.processes.items()
-                if process.failed or name in failed_at_end
-                for node in process.spec.names
+                name for process in self.processes.values() if process.failed for name in process.spec.names
             ),
             containers_lost=tuple(
                 f"the process {name} of {', '.join(process.spec.names)} has ended: {why}"
@@ -254,8 +249,8 @@ class Supervisor:
         if left:
             await asyncio.wait(left)
 
-    async def _stop(self, process: ManagedProcess) -> None:
-        await process.stop(self._stop_timeouts)
+    async def _stop(self, process: ManagedProcess, at_end: bool = False) -> None:
+        await process.stop(self._stop_timeouts, at_end)
 
     async def _restart(self, process: ManagedProcess) -> None:
         await self._stop(process)
@@ -300,9 +295,11 @@ class Supervisor:
             self._bus.publish(self.state())
         return bool(why)
 
-    async def _stop_all(self) -> None:
+    async def _stop_all(self, graded: bool) -> None:
         """Cancel pending actions, then stop all processes in reverse start order, in parallel where nothing running
         depends on them.
+
+        In a ``graded`` run, a process that then exits with an error has failed, except for a ROS 1 program.
         """
         self._stopping = True
         await self._cancel(self._actions)
@@ -310,7 +307,12 @@ class Supervisor:
         while left:
             needed = {need for process in left.values() for need in process.spec.depends_on}
             free = [name for name in left if name not in needed]
-            await asyncio.wait([self._start_task(partial(self._stop, left.pop(name)), f"stop {name}") for name in free])
+            tasks = []
+            for name in free:
+                process = left.pop(name)
+                work = partial(self._stop, process, at_end=graded and not is_script(process.spec.kind))
+                tasks.append(self._start_task(work, f"stop {name}"))
+            await asyncio.wait(tasks)
 
     def _changed(self, process: ManagedProcess) -> None:
         state = self.state()

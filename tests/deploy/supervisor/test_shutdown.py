@@ -8,12 +8,14 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 import psutil
 
 from deploy.processes import ProcessSpec
 from deploy.supervisor.managed_process import STOP_TIMEOUTS_S
 from deploy.supervisor.supervisor import Outcome, Supervisor
 from messages.elea import Health
+from services.runtime.process import ROOT
 from tests.deploy.supervisor.supervisor_harness import (
     FAST_POLICY,
     WITHIN_S,
@@ -119,11 +121,30 @@ async def a_process_that_fails_as_a_graded_run_stops_it_has_failed(harness: Supe
     """It may have raised in the last step, and be printing its traceback."""
     outcome = await run_graded(harness, faulty_process("fail_on_stop", "/c"))
     assert (outcome.failed_on_stop, outcome.failed_nodes) == (("c",), ("/c",))
+    assert harness.states("c")[-1] == "failed"
+    failed = next(each for each in harness.bus.published[-1].processes if each.name == "c")
+    assert failed.reason == "exit status 1: RuntimeError: it fails at the end"
 
 
 async def a_process_that_fails_on_a_stop_by_request_left_before_the_end(harness: SupervisorHarness) -> None:
     outcome = await run_graded(harness, faulty_process("fail_on_stop", "/c"), stopped="c")
     assert (outcome.failed_on_stop, outcome.failed_nodes) == (("c",), ())
+    assert harness.states("c")[-1] == "stopped"
+
+
+async def a_container_that_fails_as_a_graded_run_stops_it_is_lost(harness: SupervisorHarness) -> None:
+    single = faulty_process("fail_on_stop", "/c")
+    outcome = await run_graded(harness, msgspec.structs.replace(single, nodes=2 * single.nodes))
+    assert outcome.containers_lost == (
+        "the process c of /c, /c has ended: exit status 1: RuntimeError: it fails at the end",
+    )
+
+
+async def a_program_of_ros_1_may_fail_when_it_is_stopped(harness: SupervisorHarness) -> None:
+    outcome = await run_graded(
+        harness, faulty_process("fail_on_stop", "/c", kind=str(ROOT / "tests/ros1/scripts/drive/pid_heading.py"))
+    )
+    assert (outcome.failed_on_stop, outcome.failed_nodes) == ((), ())
 
 
 async def an_interrupted_run_judges_no_process_by_how_it_stops(harness: SupervisorHarness) -> None:
@@ -215,6 +236,8 @@ def test_ends(tmp_path: Path) -> None:
             a_process_whose_node_has_ended_and_that_does_not_end_is_asked_to,
             a_process_that_fails_as_a_graded_run_stops_it_has_failed,
             a_process_that_fails_on_a_stop_by_request_left_before_the_end,
+            a_container_that_fails_as_a_graded_run_stops_it_is_lost,
+            a_program_of_ros_1_may_fail_when_it_is_stopped,
             an_interrupted_run_judges_no_process_by_how_it_stops,
             required_process_that_finishes_too_early_ends_the_fleet,
             finished_service_is_not_restarted,
