@@ -174,8 +174,8 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PanelFleet]:
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
     expect.set_options(timeout=WITHIN_S * 1000)
-    # Without a graphics card, a GPU process would only forward what is drawn.
-    flags = ["--no-sandbox", "--disable-gpu", "--in-process-gpu"]
+    # In a process of its own, what draws may crash without the browser.
+    flags = ["--no-sandbox", "--disable-gpu"]
     with sync_playwright() as play:
         opened = play.chromium.launch(executable_path="/usr/bin/chromium", args=flags)
         yield opened
