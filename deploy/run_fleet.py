@@ -108,8 +108,6 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         if outcome.ended != "graded":
             screen.print_line(f"the fleet ended: {outcome.reason}")
         for name in outcome.failed_on_stop:
-            if supervisor.processes[name].state == "failed":
-                continue  # shown when it failed
             log = options.folder / "logs" / log_name(name)
             screen.print_line(f"{name} ended with an error: {last_line(log) or f'see {log}'}")
         found = (

@@ -168,8 +168,8 @@ class ManagedProcess:
         """Stop it by SIGINT, SIGTERM and SIGKILL in turn, and do not restart it.
 
         A process whose nodes have all ended is about to exit: its exit counts as if it had not been asked to stop.
-        ``at_end``: the run has ended by itself, which may happen just as the process fails, so an exit with an error
-        counts in the same way.
+        ``at_end``: the run has ended by itself, which may happen just as the process fails, so an exit with an error is
+        recorded as its own failure.
         """
         async with self._stop_lock:
             if self._task is not None:
@@ -178,7 +178,11 @@ class ManagedProcess:
             self.ready.clear()
             child = self._child
             if child is not None and self.state == "ready" and await self._ends_by_itself(child):
-                self._finish_unasked(child.status or 0)
+                how, last = self._note_end(child.status or 0)
+                if child.status:
+                    self._set_state("failed", f"{how}: {last}" if last and child.status > 0 else how)
+                else:
+                    self._set_state("finished", how)
             elif child is not None and child.status is None:
                 was_ready = self.state == "ready"
                 self._set_state("stopping")
@@ -195,21 +199,13 @@ class ManagedProcess:
                         )
                 self.failed_on_stop = was_ready and child.status in _ERROR_STATUSES
                 if self.failed_on_stop and at_end:
-                    self._finish_unasked(child.status or 0)
+                    self._note_end(child.status or 0)
             if self.state not in ("finished", "failed"):
                 self._set_state("stopped")
 
     async def _ends_by_itself(self, child: ChildProcess) -> bool:
         """Return whether a process has exited unasked, or does so within ENDING_S of the end of all its nodes."""
         return child.status is not None or (not self._heartbeats and await child.wait_for(ENDING_S))
-
-    def _finish_unasked(self, status: int) -> None:
-        """Record the end of a process that counts as unrequested, and is not followed by a restart."""
-        how, last = self._note_end(status)
-        if status:
-            self._set_state("failed", f"{how}: {last}" if last and status > 0 else how)
-        else:
-            self._set_state("finished", how)
 
     def _note_end(self, status: int) -> tuple[str, str]:
         """Record an unrequested end, by exit or for its silence; return its description and the

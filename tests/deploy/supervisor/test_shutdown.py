@@ -121,15 +121,11 @@ async def a_process_that_fails_as_a_graded_run_stops_it_has_failed(harness: Supe
     """It may have raised in the last step, and be printing its traceback."""
     outcome = await run_graded(harness, faulty_process("fail_on_stop", "/c"))
     assert (outcome.failed_on_stop, outcome.failed_nodes) == (("c",), ("/c",))
-    assert harness.states("c")[-1] == "failed"
-    failed = next(each for each in harness.bus.published[-1].processes if each.name == "c")
-    assert failed.reason == "exit status 1: RuntimeError: it fails at the end"
 
 
 async def a_process_that_fails_on_a_stop_by_request_left_before_the_end(harness: SupervisorHarness) -> None:
     outcome = await run_graded(harness, faulty_process("fail_on_stop", "/c"), stopped="c")
     assert (outcome.failed_on_stop, outcome.failed_nodes) == (("c",), ())
-    assert harness.states("c")[-1] == "stopped"
 
 
 async def a_container_that_fails_as_a_graded_run_stops_it_is_lost(harness: SupervisorHarness) -> None:
