@@ -46,6 +46,18 @@ def emit(page: Page, kind: str, message: object) -> None:
     page.evaluate("([kind, text]) => window.elea.link.emit(kind, JSON.parse(text))", [kind, json.dumps(message)])
 
 
+def test_the_first_look_is_at_the_robots_also_with_a_goal_being_set(pages: PageOpener) -> None:
+    page = pages.open("robots")
+    wait_page(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
+    with without_messages(page):
+        before = "{ poses: {}, fitted: false, touched: false, startEnds: undefined }"
+        page.evaluate(f"() => {{ Object.assign(window.elea.map, {before}); window.elea.map.camera.x = 1000; }}")
+        page.click("#goal-mode")
+    wait_page(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
+    assert abs(page.evaluate("window.elea.map.camera.x")) < 10
+    page.keyboard.press("Escape")
+
+
 def test_the_world_of_the_fleet_is_on_the_map_and_its_cart_moves(fleet: PanelFleet, pages: PageOpener) -> None:
     page = pages.open("robots")
     bodies = "window.elea.map.world.bodies?.map(({ name, kind, colour }) => [name, kind, colour])"

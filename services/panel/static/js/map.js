@@ -83,9 +83,10 @@ export class GroundMap {
   }
 
   // The first look is at everything: all robots, and plans that arrive a moment later; then nothing moves by itself.
+  // What the user did before there was anything to see does not prevent it.
   fitAtStart() {
     const all = this.robots.length > 0 && this.robots.every(({ ns }) => this.poses[ns]);
-    if (this.touched || !all || !this.canvas.clientWidth) return;
+    if ((this.fitted && this.touched) || !all || !this.canvas.clientWidth) return;
     this.startEnds ??= performance.now() + SETTLE;
     if (performance.now() <= this.startEnds) this.fit();
   }
