@@ -52,8 +52,10 @@ class LatchedPublisher:
 
     def __init__(self, publisher: Any, session: Any, number: int, run: Run, run_later: RunLater) -> None:
         self._publisher, self._session, self._run, self._run_later = publisher, session, run, run_later
+        self._key, self._encoding = publisher.key_expr, publisher.encoding
+        """Copies for the answering thread: while ``close`` undeclares the publisher, reading them from it fails."""
         self._last: dict[str, Any] = {}
-        key = f"{publisher.key_expr}/{_KEPT}/{session.zid()}/uhlc/{number}"
+        key = f"{self._key}/{_KEPT}/{session.zid()}/uhlc/{number}"
         self._answers = session.declare_queryable(key, Callback(self._on_query, indirect=False))
         self._token = session.liveliness().declare_token(key)
 
@@ -64,7 +66,8 @@ class LatchedPublisher:
         self._publisher.put(**self._last)
 
     def close(self) -> None:
-        """End the publication."""
+        """End the publication; queries that are still waiting get no sample."""
+        self._last = {}
         for each in (self._token, self._answers, self._publisher):
             each.undeclare()
 
@@ -73,8 +76,8 @@ class LatchedPublisher:
         self._run(lambda: self._answer(query))
 
     def _answer(self, query: Any) -> None:
-        if self._last:
-            query.reply(self._publisher.key_expr, **self._last, encoding=self._publisher.encoding)
+        if last := self._last:
+            query.reply(self._key, **last, encoding=self._encoding)
         self._run_later(RELEASE_S, query.drop)
 
 

@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pytest
 import zenoh
@@ -16,7 +17,7 @@ from zenoh.handlers import Callback
 
 from messages.topics import Quality
 from services.runtime.process import PARENT, ROOT
-from services.runtime.transport.latching import RECENT, RELEASE_S, LatchedPublisher
+from services.runtime.transport.latching import RECENT, RELEASE_S, LatchedPublisher, Latching
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
@@ -134,6 +135,49 @@ def test_a_question_is_kept_after_its_answer(router: str) -> None:
         release()
         assert ended.wait(20.0)
         publisher.close()
+
+
+class UndeclaredPublisher:
+    """A publisher that another thread is undeclaring from the first sample on: what it has cannot be read."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self.publisher, self.is_undeclaring = publisher, False
+
+    def put(self, payload: bytes, **options: Any) -> None:
+        self.publisher.put(payload, **options)
+        self.is_undeclaring = True
+
+    def undeclare(self) -> None:
+        self.publisher.undeclare()
+
+    @property
+    def key_expr(self) -> zenoh.KeyExpr:
+        return self._read().key_expr
+
+    @property
+    def encoding(self) -> zenoh.Encoding:
+        return self._read().encoding
+
+    def _read(self) -> zenoh.Publisher:
+        if self.is_undeclaring:
+            raise RuntimeError("Already mutably borrowed")
+        return self.publisher
+
+
+def test_a_question_while_the_publication_is_being_closed_does_not_end_the_thread_that_answers(router: str) -> None:
+    with (
+        external_client(router) as session,
+        ZenohTransport(configuration("direct", (router,), reliable=True)) as transport,
+    ):
+        publisher = UndeclaredPublisher(session.declare_publisher("theirs", encoding="test"))
+        latching = Latching(session)
+        latched = latching.publisher(publisher)
+        latched.put(b"kept", attachment=b"")
+        late = transport.subscribe("theirs", 4, latched=True)
+        sample = wait_until(late.recv, 20.0, "the answer")
+        assert (sample[0], late.encoding(sample[2])) == (b"kept", "test")
+        latched.close()
+        latching.close(20.0)
 
 
 def test_a_publisher_is_asked_again_whose_token_came_before_the_way_to_it(router: str) -> None:
