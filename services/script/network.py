@@ -23,8 +23,8 @@ class Network:
 
     def __init__(self, transport: Transport) -> None:
         self._watch: TokenWatch = transport.watch(EVERYTHING)
-        self._lock = threading.Lock()
-        self._following = threading.Lock()
+        # Reentrant, for a signal may run a shutdown hook that asks, too, while the main thread holds one.
+        self._lock, self._following = threading.RLock(), threading.RLock()
         self._noticed = 0
         self._entities: dict[str, Entity] = {}
         self._endpoints: dict[str, dict[str, Entity]] = {}

@@ -82,7 +82,8 @@ class TopicOutput:
     def __init__(self, name: str, ros_type: str, latched: bool, bus: Bus) -> None:
         self.name, self.ros_type, self.latched = name, ros_type, latched
         self._bus = bus
-        self._sending = threading.Lock()
+        self._sending = threading.RLock()
+        """Held while sending, and reentrant: a signal may run a shutdown hook that publishes in the middle of it."""
         self._publisher: Publisher[Any] | None = None
 
     def bind(self, node: Node) -> None:
@@ -91,10 +92,9 @@ class TopicOutput:
 
     def publish(self, payload: bytes) -> None:
         self._bus.threads.point(PUBLISH)
-        if (publisher := self._publisher) is None:
-            return
         with self._sending:
-            self._bus.publish(publisher, payload)
+            if (publisher := self._publisher) is not None:
+                self._bus.publish(publisher, payload)
 
     def subscribers(self) -> list[str]:
         """Return the subscribing nodes; none while no path to any of them is known, as while two nodes are being
@@ -108,8 +108,9 @@ class TopicOutput:
         return self._publisher is None or self._bus.links(self._publisher)
 
     def close(self) -> None:
-        self._bus.close_output(self, self._publisher)
-        self._publisher = None
+        with self._sending:  # another thread's publish uses the publication
+            publisher, self._publisher = self._publisher, None
+            self._bus.close_output(self, publisher)
 
 
 class Bus(Protocol):

@@ -117,23 +117,32 @@ class ZenohThreadedSubscriber(ZenohSubscriber):
     ) -> None:
         super().__init__(key, subscriber, session, past)
         self._put = put
+        self._closing = False
 
     def _pop(self) -> Any | None:
         try:
             return super()._pop()
-        except zenoh.ZError:  # the session has closed, as ``wait`` will report
+        except (zenoh.ZError, RuntimeError) as error:
+            self._check_closed(error)
             return None
 
     def wait(self) -> bool:
         if self.held is None and (self._past is None or self._past.held is None):
             try:
                 self.held = self.subscriber.recv()
-            except zenoh.ZError:
+            except (zenoh.ZError, RuntimeError) as error:
+                self._check_closed(error)
                 return False
         return True
 
+    def _check_closed(self, error: Exception) -> None:
+        """Raise an error unless it means that the session has closed, or that another thread ends the subscription."""
+        if isinstance(error, RuntimeError) and not self._closing:  # "Already mutably borrowed"
+            raise error
+
     def close(self) -> None:
         """Wake the thread until it has left ``recv``, which borrows the subscriber, then end the subscription."""
+        self._closing = True
         if self._past is not None:
             self._past.close()
         deadline = time.monotonic() + _RELEASE_S
@@ -268,7 +277,9 @@ class LivelinessCache:
         self.news: Any = None
         self._alive: dict[str, set[str]] = {}
         """The tokens of each kind (the third chunk)."""
-        self._lock = threading.Lock()
+        self._lock = (
+            threading.RLock()
+        )  # reentrant for the shutdown hooks of a program, which a signal may run meanwhile
 
     def update(self) -> None:
         """Apply the changes received since the last call."""

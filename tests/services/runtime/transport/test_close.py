@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from services.runtime.transport.api import ThreadedSubscriber
-from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh import ZenohThreadedSubscriber, ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.ports import free_port
 
@@ -69,3 +69,41 @@ def test_a_subscription_ends_while_a_thread_waits_on_it() -> None:
             inlet.close()
             reader.join(10)
             assert not reader.is_alive()
+
+
+class Undeclaring:
+    """A subscriber of Zenoh that another thread undeclares from the first read on."""
+
+    def __init__(self) -> None:
+        self.reading, self.is_undeclaring = threading.Event(), threading.Event()
+
+    def recv(self) -> Any:
+        self.reading.set()
+        self.is_undeclaring.wait(10)
+        raise RuntimeError("Already mutably borrowed")
+
+    try_recv = recv
+
+    def undeclare(self) -> None:
+        self.is_undeclaring.set()
+
+
+@pytest.mark.parametrize(("read", "end"), [("recv", None), ("wait", False)])
+def test_a_thread_that_reads_while_its_subscription_is_undeclared_meets_its_end(read: str, end: bool | None) -> None:
+    declared = Undeclaring()
+    inlet = ZenohThreadedSubscriber("elea/test", declared, "", lambda *arguments, **options: None)
+    found: list[Any] = []
+    reader = threading.Thread(target=lambda: found.append(getattr(inlet, read)()))
+    reader.start()
+    assert declared.reading.wait(10)
+    inlet.close()
+    reader.join(10)
+    assert found == [end]
+
+
+def test_another_error_of_a_read_is_not_taken_for_the_end() -> None:
+    declared = Undeclaring()
+    declared.undeclare()
+    inlet = ZenohThreadedSubscriber("elea/test", declared, "", lambda *arguments, **options: None)
+    with pytest.raises(RuntimeError, match="borrowed"):
+        inlet.wait()
