@@ -26,6 +26,8 @@ from services.runtime.transport.wire import NODE_BYTES, SampleInfo, member_id
 
 RATE_WINDOW = 256
 """Number of a frame's last stamps from which its rate is computed."""
+CLOCK_S = 2.0
+"""Wall time [s] to wait for the first clock before a moving frame is shown without its age."""
 
 
 class TfMonitor:
@@ -219,7 +221,8 @@ def echo_transform(address: NetworkAddress, source: str, target: str, options: T
     period, shown, due = round(1e9 / options.rate), 0, 0
     with cli_node(address, "tf_echo") as live:
         watch = TfMonitor(live)
-        deadline = time.monotonic() + options.timeout
+        began = time.monotonic()
+        deadline = began + options.timeout
         last_error = ""
         for _ in spin(live, watch.clock.raw):
             watch.update()
@@ -236,6 +239,8 @@ def echo_transform(address: NetworkAddress, source: str, target: str, options: T
                     last_error = str(error)
                     write_note(f"waiting: {last_error}")
                 continue
+            if found.time is not None and watch.clock.now is None and time.monotonic() < began + CLOCK_S:
+                continue  # the first transforms may arrive before the first clock
             deadline = time.monotonic() + options.timeout
             _show_transform(source, target, found, watch, options.as_json)
             shown += 1
