@@ -40,7 +40,7 @@ SAID = {
         "fibonacci_client": [
             "in time: True",
             "state 3, result [0, 1, 1, 2, 3, 5, 8]",
-            "['active', 'done 3 [0, 1, 1, 2, 3, 5]'] [3, 4, 5, 6]",
+            "['active', 'done 3 [0, 1, 1, 2, 3, 5]'] 3 True",
             "in time: False",
             "cancelled: True",
             "status 3",
