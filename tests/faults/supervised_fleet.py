@@ -39,13 +39,16 @@ FORKER_S = 5.0
 
 
 class SupervisedFleet:
-    """Runs ``up`` with the test's fleet file; ``with`` ends it and asserts that no process is left."""
+    """Runs ``up`` with the test's fleet file; ``with`` ends it and asserts that no process is left.
 
-    def __init__(self, description: str, robots: int, folder: Path, port: int = 0) -> None:
+    A fleet that ends by itself at once may be gone before a node joins it: it is not ``observed`` by one.
+    """
+
+    def __init__(self, description: str, robots: int, folder: Path, port: int = 0, observed: bool = True) -> None:
         self.port = port or free_port()
         self.endpoint = router_endpoint(self.port)
         self.folder = folder
-        self._description = description
+        self._description, self._observed = description, observed
         self._robots = [f"tb3_{number}" for number in range(robots)]
         self._stack = ExitStack()
         self.descendants: set[psutil.Process] = set()
@@ -60,9 +63,9 @@ class SupervisedFleet:
         self._stack.callback(self._assert_no_survivors)
         self.supervisor = self._stack.enter_context(Process(command, self.folder / "up.log", environment))
         self._stack.callback(self.note_descendants)
-        self.recorder = FleetRecorder(
-            self._stack.enter_context(self.node(f"observer_{self.folder.name}")), self._robots
-        )
+        if self._observed:
+            node = self._stack.enter_context(self.node(f"observer_{self.folder.name}"))
+            self.recorder = FleetRecorder(node, self._robots)
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -22,7 +22,7 @@ from tests.harness.waiting import wait_until
 def test_a_fleet_ends_with_what_it_cannot_do_without(
     tmp_path: Path, description: str, name: str, said: str, lives: int, reason: str
 ) -> None:
-    with SupervisedFleet(description, 0, tmp_path) as fleet:
+    with SupervisedFleet(description, 0, tmp_path, observed=False) as fleet:
 
         def ended() -> bool:
             fleet.note_descendants()
