@@ -23,7 +23,7 @@ class Network:
 
     def __init__(self, transport: Transport) -> None:
         self._watch: TokenWatch = transport.watch(EVERYTHING)
-        # Reentrant, for a signal may run a shutdown hook that asks, too, while the main thread holds one.
+        # Reentrant, for a signal may run a shutdown hook while the main thread holds one.
         self._lock, self._following = threading.RLock(), threading.RLock()
         self._noticed = 0
         self._entities: dict[str, Entity] = {}

@@ -62,7 +62,7 @@ class SharedParameters:
     def __init__(self, kernel: TreeKernel, writer: Callable[[], str], expected: bool = False) -> None:
         self._kernel, self._name, self._expected = kernel, writer, expected
         self._tree = ParameterTree()
-        self._state = threading.RLock()  # reentrant for shutdown hooks, which a signal may run meanwhile
+        self._state = threading.RLock()  # reentrant, for a signal may run a shutdown hook meanwhile
         self._connecting: Any = kernel.lock()
         self._input: Input | None = None
         self._connected = self._shared = False

@@ -83,7 +83,7 @@ class TopicOutput:
         self.name, self.ros_type, self.latched = name, ros_type, latched
         self._bus = bus
         self._sending = threading.RLock()
-        """Held while sending, and reentrant: a signal may run a shutdown hook that publishes in the middle of it."""
+        """Held while sending. Reentrant, for a signal may run a shutdown hook that publishes meanwhile."""
         self._publisher: Publisher[Any] | None = None
 
     def bind(self, node: Node) -> None:

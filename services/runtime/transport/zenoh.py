@@ -277,9 +277,8 @@ class LivelinessCache:
         self.news: Any = None
         self._alive: dict[str, set[str]] = {}
         """The tokens of each kind (the third chunk)."""
-        self._lock = (
-            threading.RLock()
-        )  # reentrant for the shutdown hooks of a program, which a signal may run meanwhile
+        # Reentrant, for a signal may run a program's shutdown hook while the main thread holds it.
+        self._lock = threading.RLock()
 
     def update(self) -> None:
         """Apply the changes received since the last call."""

@@ -107,7 +107,7 @@ def test_one_that_is_spawned_has_a_set_and_one_that_is_gone_has_none() -> None:
         assert not any(each.name.startswith(SET) for each in on.node.subscribers)
         told = (Assignment(name="damping", value=3.0),)
         on.call(SPAWN, SpawnModel(name="arm", model="arm_corrected", namespace="left", parameters=told))
-        # The fake service may take this announcement before the one that the deleted model's set has no user any more.
+        # In any order: the new set, and that the deleted model's set is no longer used.
         wait_until(lambda: on.node.spin_once() or len(params.announcements) == 3)
         assert {(each.set, each.leaves) for each in params.announcements} == {
             (SET, False),
