@@ -44,18 +44,24 @@ class GroundTruthRecorder(MessageRecorder[Odometry]):
     def __init__(self, node: Node, robot: str) -> None:
         super().__init__(node.subscribe(GROUND_TRUTH, f"/{robot}/ground_truth"))
 
-    def wait_until_time(self, seconds: float) -> Odometry:
-        """Wait for a sample at or after ``seconds`` and return the newest."""
-        wait_until(
-            lambda: self.received() and time_of(self.received()[-1]) >= seconds,
-            WITHIN_S,
-            f"simulation time {seconds:.2f} s",
-        )
+    def wait_after(self, seconds: float) -> Odometry:
+        """Wait for a sample at least ``seconds`` after the next one and return the newest."""
+        end = time_of(self.wait_next()) + seconds
+        wait_until(lambda: time_of(self.received()[-1]) >= end, WITHIN_S, f"simulation time {end:.2f} s")
         return self.received()[-1]
 
-    def wait_after(self, seconds: float) -> Odometry:
-        """Wait for a sample at least ``seconds`` after the next one and return it."""
-        return self.wait_until_time(time_of(self.wait_next()) + seconds)
+    def wait_until_still(self) -> Odometry:
+        """Wait for a sample in which the robot neither drives nor turns and return it.
+
+        In real time, the time of the stop depends on when the simulation read the last command.
+        """
+
+        def still() -> bool:
+            sample = self.wait_next()
+            return abs(speed(sample)) < 1e-3 and abs(sample.twist.twist.angular.z) < 1e-3
+
+        wait_until(still, WITHIN_S, f"a robot that stands on {self.source.name}")
+        return self.received()[-1]
 
 
 def time_of(sample: Odometry) -> float:

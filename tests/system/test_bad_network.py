@@ -119,7 +119,7 @@ def test_garbage_on_goal_pose(running: TwoRobotSimulation, session: zenoh.Sessio
         session.put("tb3_0/goal_pose", payload)
     session.put("**", msgpack.packb({"pose": {"position": {"x": 50.0}}}))
     wait_until(lambda: refused(running, "/tb3_0/waypoint", "/tb3_0/goal_pose") >= before + 10, WITHIN_S, "refusals")
-    start = running.truth["tb3_0"].wait_after(0.6)
+    start = running.truth["tb3_0"].wait_until_still()
     assert distance(start, running.truth["tb3_0"].wait_after(0.5)) < 1e-3
     status: MessageRecorder[GoalStatus] = MessageRecorder(running.node.subscribe(STATUS, "/tb3_0/status"))
     goals = running.node.advertise(GOAL_POSE, "/tb3_0/goal_pose")
