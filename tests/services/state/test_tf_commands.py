@@ -118,7 +118,8 @@ def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
     assert len(answers) == 9
     periods = [math.floor((each["time"] + each["age"]) * 5 + 1e-6) for each in answers]
     gaps = [later - earlier for earlier, later in pairwise(periods)]
-    assert min(gaps) == 1, answers
+    # A transform may arrive before the clock of its time: then the one of the next period is shown early.
+    assert min(gaps) >= 0, answers
     assert median(gaps) == 1, "a busy machine skips a period of 0.2 s now and then"
 
 
