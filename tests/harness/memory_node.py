@@ -13,6 +13,7 @@ from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK, Quality
 from services.runtime.errors import Stopped
+from services.runtime.graph import Kind, token_pattern
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.api import Transport
@@ -40,6 +41,12 @@ class ManualClock:
         self._sent += 1
         clock = Clock(clock=Time.of(ns), epoch=epoch, paused=paused)
         self._outlet.put(encode(clock), attachment=pack_attachment(self._sent, self._publisher))
+
+
+def loop_has_begun(made: Node) -> bool:
+    """Return whether the node's loop has declared its inputs: from then on it misses no message and no clock."""
+    kinds: tuple[Kind, ...] = ("step", "ready")
+    return any(made.transport.tokens(token_pattern(kind, made.identity.node)) for kind in kinds)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from messages.parameters import ParameterSet
-from messages.requests import PARAMS_ANNOUNCE, PARAMS_GET, PARAMS_REQUESTS
+from messages.requests import PARAMS_ANNOUNCE, PARAMS_GET
 from messages.topics import DESCRIPTIONS, UPDATES
 from services.params import ParamsParameters, Scheduled
 from services.params.loop import run
@@ -21,7 +21,7 @@ from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
 from services.runtime.node import Node
 from services.runtime.transport.memory import MemoryBus
-from tests.harness.memory_node import ManualClock, memory_node
+from tests.harness.memory_node import ManualClock, loop_has_begun, memory_node
 from tests.harness.waiting import wait_until
 from tests.services.params.parameter_client import arm_announcement, assignments, value_dict
 
@@ -71,7 +71,7 @@ def running_service(
         thread = threading.Thread(target=work)
         thread.start()
         try:
-            wait_until(lambda: len(service.request_handlers) == len(PARAMS_REQUESTS), what="the service")
+            wait_until(lambda: loop_has_begun(service), what="the service")
             yield LoopHarness(bus, clock, beside, out)
         finally:
             service.stopping = True

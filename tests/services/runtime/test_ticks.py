@@ -28,7 +28,7 @@ from services.runtime.parameters.base import Parameters
 from services.runtime.subscriber import QUEUE_SIZE, Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding, pack_attachment, publisher_id
-from tests.harness.memory_node import ManualClock, memory_node
+from tests.harness.memory_node import ManualClock, loop_has_begun, memory_node
 from tests.harness.waiting import wait_until
 
 MS = 1_000_000
@@ -51,7 +51,7 @@ class OdometryPublisher:
 
 @contextmanager
 def running(bus: MemoryBus, run: Callable[[Context[Any]], None], rate: float = 25) -> Iterator[Context[Any]]:
-    """Run the loop in a thread, stopped and joined at the end. An exception in it fails the test."""
+    """Run the loop in a thread, from when it reads its inputs until the end. An exception in it fails the test."""
     waiter = memory_node(bus, "waypoint", "/tb3_0")
     with waiter:
         ctx: Context[Any] = Context(waiter, Parameters(), rate)
@@ -63,6 +63,7 @@ def running(bus: MemoryBus, run: Callable[[Context[Any]], None], rate: float = 2
         thread = threading.Thread(target=body)
         thread.start()
         try:
+            wait_until(lambda: loop_has_begun(waiter), what="a loop that reads its inputs")
             yield ctx
         finally:
             waiter.stopping = True
@@ -138,8 +139,7 @@ def test_a_tick_sees_one_instant_and_freshness_is_simulation_time(bus: MemoryBus
         for _ in ctx.ticks():
             seen.append((here.age, here.fresh(0.5) is not None, here.value is not None))
 
-    with running(bus, run) as ctx:
-        wait_until(lambda: ctx.node.subscribers)
+    with running(bus, run):
         clock.publish(0)
         wait_until(lambda: len(seen) == 1)
         odom.put(40 * MS)
@@ -159,8 +159,7 @@ def test_a_new_epoch_is_a_reset_and_empties_the_inputs(bus: MemoryBus, clock: Ma
         for tick in ctx.ticks():
             seen.append((tick.time, tick.reset, tick.dt, here.value is not None))
 
-    with running(bus, run) as ctx:
-        wait_until(lambda: ctx.node.subscribers)
+    with running(bus, run):
         odom.put(0)
         clock.publish(1000 * MS)
         wait_until(lambda: len(seen) == 1)
@@ -260,8 +259,7 @@ def test_messages_are_answered_as_they_come(bus: MemoryBus) -> None:
         for message in ctx.messages(ODOM):
             seen.append(message.header.stamp.ns)
 
-    with running(bus, run) as ctx:
-        wait_until(lambda: ctx.node.subscribers)
+    with running(bus, run):
         for stamp in (1, 2, 3):
             odom.put(stamp)
         wait_until(lambda: len(seen) == 3)

@@ -16,7 +16,7 @@ from services.runtime.parameters.schema import ALL_LEVELS
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
 from tests.harness.fake_parameter_service import FakeParameterService, parameter_values
-from tests.harness.memory_node import ManualClock, memory_node
+from tests.harness.memory_node import ManualClock, loop_has_begun, memory_node
 from tests.harness.waiting import wait_until
 from tests.services.runtime.parameters.parameter_node import (
     SET,
@@ -148,7 +148,7 @@ def test_a_loop_sees_the_record_of_its_tick(bus: MemoryBus, clock: ManualClock) 
 
         first = threading.Thread(target=step)
         first.start()
-        wait_until(lambda: any(each.pattern == "clock" for each in bus.subscribers))
+        wait_until(lambda: loop_has_begun(made))
         for time_ns in (0, 40 * MS, 80 * MS, 120 * MS):
             clock.publish(time_ns)
             if time_ns:
