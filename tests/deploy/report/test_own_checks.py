@@ -74,7 +74,7 @@ def _run_checks(tmp_path: Path, mode: str) -> None:
     assert {name: each["ok"] for name, each in told.items() if not each["ok"]} == {
         "/r/student.never_measured": False,
         "/r/student.at_the_end": False,
-    }
+    }, (out, [each.read_text() for each in terminal.results.glob("logs/*.log")])
     assert report["ok"] is False
     assert re.search(holds, out)
     assert "missed: /r/student.at_the_end is 0, should be at least 1: it was told at the end\n" in out

@@ -83,6 +83,8 @@ def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFlee
         ground = pixel(page, 2.37, 0.63)
         emit(page, "world", {"bodies": BODIES})
         page.click("button:has-text('Fit')")
+        # Drawn a moment ago for the view before, what stands is moved along, and drawn for this one in a later frame.
+        wait_page(lambda: page.evaluate("!window.elea.map.dirty"), WITHIN_S, "a drawing for this view")
         red, blue = pixel(page, 2.37, 0.63), pixel(page, -2.37, 0.63)
         assert red[0] > red[1] + 80, "a body in its colour"
         assert blue[2] > blue[1] + 80
