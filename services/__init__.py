@@ -1,3 +1,3 @@
 """The services of a fleet, each a process of its own, and the runtime on which they run."""
 
-import messages as messages  # before msgspec: Ctrl-C would be lost otherwise, see there
+import messages as messages  # before msgspec, so that no Ctrl-C is lost: see there
