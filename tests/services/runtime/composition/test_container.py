@@ -19,7 +19,7 @@ from messages.std import Float64
 from messages.topics import CMD_VEL
 from services.runtime.composition.container import Container, NodeFailed
 from services.runtime.context import Context, MakePacer
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, NoAnswer
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.base import Parameters
@@ -231,12 +231,14 @@ def test_nodes_of_one_process_have_one_rate_in_lockstep() -> None:
 def test_a_call_that_waits_for_its_reply_holds_up_nobody() -> None:
     """The others keep ticking while one waits for its reply; each publishes on one key, under its own name."""
     bus = MemoryBus()
-    clock, counted, replied = ManualClock(bus), [0], threading.Event()
+    clock, counted, ended = ManualClock(bus), [0], threading.Event()
     server = MemoryTransport(bus).serve("ask")
 
     def caller(ctx: Context[Any]) -> None:
         assert ctx.call(ASK, Name(), timeout=60.0) == Done(text="late")
-        replied.set()
+        with pytest.raises(NoAnswer):
+            ctx.call(ASK, Name(), timeout=0.1)
+        ended.set()
         list(ctx.ticks())
 
     def counter(ctx: Context[Any]) -> None:
@@ -248,8 +250,8 @@ def test_a_call_that_waits_for_its_reply_holds_up_nobody() -> None:
         for number in range(5):
             clock.publish(number * 20_000_000)
             wait_until(lambda number=number: counted[0] == number + 1)
-        assert not replied.is_set()
-        query = server.recv()
+        query = wait_until(server.recv)
         assert query is not None
+        assert server.recv() is None, "it still waits for its first reply"
         query.reply(encode(Done(text="late")))
-        wait_until(replied.is_set)
+        wait_until(ended.is_set)
