@@ -5,6 +5,9 @@ use that time. Two run files of which every test waits for nearly all of its tim
 without fleets; the third one runs, at low priority, files in which no test starts a process. So no more fleets compute
 at once than there are processors. ``./elea test`` asks for them with ``--tx popen//id=waiting1``, ``waiting2`` and
 ``computing``.
+
+The files that drive a browser run one after the other, in one process. Their fleets run in real time, and the browser
+draws in software: two of each at once take more than two slow processors give, and then nothing happens in time.
 """
 
 from __future__ import annotations
@@ -30,13 +33,15 @@ _NICE = 3
 """
 _AUTOGROUP = Path("/proc/self/autogroup")
 """Linux shares the processors among sessions first; the priority of a process counts within its session."""
-_REPORT = "background_files"
+_BROWSER = "browser"
+"""The name under which the files that drive a browser are distributed, as if they were one file."""
+_REPORT = "file_kinds"
 """The key under which a worker finds the path of the file for its report."""
 
 
-def report_background_files(config: pytest.Config, **files: Iterable[Path]) -> None:
-    """Report the ``waiting`` and ``computing`` files and those with a ``process``, in order, to the scheduler, whose
-    process collects no tests.
+def report_file_kinds(config: pytest.Config, **files: Iterable[Path]) -> None:
+    """Report the ``waiting`` and ``computing`` files and those with a ``process`` or ``browser``, in order, to the
+    scheduler, whose process collects no tests.
     """
     if report := getattr(config, "workerinput", {}).get(_REPORT):
         found = {kind: [file.relative_to(config.rootpath).as_posix() for file in each] for kind, each in files.items()}
@@ -75,7 +80,7 @@ _FOLDER = pytest.StashKey[tempfile.TemporaryDirectory[str]]()
 
 
 class BackgroundScheduling(LoadFileScheduling):
-    """Distributes by files; the processes in the background get only those that ``report_background_files`` names.
+    """Distributes by files; the processes in the background get only those that ``report_file_kinds`` names for them.
 
     The others take the waiting and computing ones last.
     """
@@ -85,6 +90,11 @@ class BackgroundScheduling(LoadFileScheduling):
         super().add_node_collection(node, collection)
         files: dict[str, list[str]] = json.loads(Path(node.workerinput[_REPORT]).read_text())
         self._waiting, self._computing, self._process = files["waiting"], files["computing"], files["process"]
+        self._browser = frozenset(files["browser"])
+
+    def _split_scope(self, nodeid: str) -> str:
+        file: str = super()._split_scope(nodeid)
+        return _BROWSER if file in self._browser else file
 
     def _assign_work_unit(self, node: WorkerController) -> None:
         file = self._next_file(node)

@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from services.sim.engines import PYBULLET_PACKAGES, has_engine
-from tests.scheduling import report_background_files, yield_to_fleets
+from tests.scheduling import report_file_kinds, yield_to_fleets
 
 MARKERS = {
     "quick": "no process, no socket, at most a second or so; given to every test without another marker",
@@ -220,12 +220,28 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda item: longest[item.path])
     busy = {item.path for item in items if not item.get_closest_marker("waits")}
     slow, process = _LONGEST_FIRST.index("slow"), _LONGEST_FIRST.index("process")
-    report_background_files(
+    report_file_kinds(
         config,
         waiting=[path for path in longest if path not in busy],
         computing=[path for path in longest if longest[path] >= slow],
         process=[path for path in longest if longest[path] == process],
+        browser=browser_files(items),
     )
+
+
+def browser_files(items: list[pytest.Item]) -> list[Path]:
+    """Return the files of which a test drives a browser, and those that share a package's fixture with them."""
+    shared = {each: _package_fixtures(each) for each in items}
+    theirs = {name for item, names in shared.items() if item.get_closest_marker("browser") for name in names}
+    drive = [item for item, names in shared.items() if item.get_closest_marker("browser") or names & theirs]
+    return list(dict.fromkeys(item.path for item in drive))
+
+
+def _package_fixtures(item: pytest.Item) -> set[tuple[str, str]]:
+    """Return folder and name of the fixtures of a test that are made once for the tests of a folder."""
+    assert isinstance(item, pytest.Function)
+    fixtures = [each for defined in item._fixtureinfo.name2fixturedefs.values() for each in defined]
+    return {(each.baseid, each.argname) for each in fixtures if each.scope == "package"}
 
 
 @pytest.hookimpl(wrapper=True)

@@ -14,8 +14,8 @@ from tests.scheduling import BackgroundScheduling, pytest_xdist_make_scheduler
 STARTING = ("fleet.py", "process.py")
 WAITING, COMPUTING = ("waits.py",), ("slow.py", "quick.py")
 TESTS = [f"{file}::test_{number}" for file in (*STARTING, *WAITING, *COMPUTING) for number in range(4)]
-FILES = {"waiting": WAITING, "computing": COMPUTING, "process": ("process.py",)}
-NO_FILES: dict[str, tuple[str, ...]] = {"waiting": (), "computing": (), "process": ()}
+FILES = {"waiting": WAITING, "computing": COMPUTING, "process": ("process.py",), "browser": ()}
+NO_FILES: dict[str, tuple[str, ...]] = dict.fromkeys(FILES, ())
 
 
 class Worker:
@@ -24,7 +24,7 @@ class Worker:
     def __init__(self, folder: Path, name: str, files: dict[str, tuple[str, ...]] = FILES) -> None:
         report = folder / name
         report.write_text(json.dumps(files))
-        self.workerinput = {"background_files": str(report)}
+        self.workerinput = {"file_kinds": str(report)}
         self.gateway = SimpleNamespace(id=name)
         self.sent: list[int] = []
         self.shutting_down = False
@@ -98,6 +98,17 @@ def test_the_others_help_with_what_is_left(tmp_path: Path) -> None:
     finish(scheduler, computing)
     assert (waiting.files, computing.files) == ([*WAITING], [*COMPUTING[:1]])
     assert sorted(first.sent + waiting.sent + computing.sent) == list(range(len(TESTS)))
+
+
+def test_files_that_drive_a_browser_run_in_one_process(tmp_path: Path) -> None:
+    files = {**NO_FILES, "browser": ("process.py", "quick.py")}
+    first, second = (Worker(tmp_path, name, files) for name in ("gw0", "gw1"))
+    scheduler = scheduling(first, second)
+    assert (first.files, second.files) == (["fleet.py"], ["process.py", "quick.py"])
+    finish(scheduler, first)
+    assert first.files == ["fleet.py", "waits.py", "slow.py"]
+    finish(scheduler, second)
+    assert scheduler.tests_finished
 
 
 @pytest.mark.parametrize("name", ["waiting1", "waiting2", "computing"])

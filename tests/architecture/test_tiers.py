@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -16,7 +17,7 @@ from tests import tiers
 from tests.harness.background_fleet import background_fleet
 from tests.harness.processes import Network, start_service
 from tests.services.panel import conftest as panel
-from tests.tiers import QuickTestWatch, markers_of, watch_quick_test
+from tests.tiers import QuickTestWatch, browser_files, markers_of, watch_quick_test
 
 
 class Rig:
@@ -115,3 +116,24 @@ def in_a_thread(act: Callable[[], object]) -> None:
     thread = threading.Thread(target=act)
     thread.start()
     thread.join()
+
+
+def test_files_that_share_a_packages_fixture_with_a_browser_test_go_with_it(tmp_path: Path) -> None:
+    for folder in ("pages", "other"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "__init__.py").touch()
+        fixture = 'import pytest\n\n\n@pytest.fixture(scope="package")\ndef fleet():\n    return 1\n'
+        (tmp_path / folder / "conftest.py").write_text(fixture)
+        (tmp_path / folder / "test_shares.py").write_text("def test_it(fleet): ...\n")
+        (tmp_path / folder / "test_alone.py").write_text("def test_it(): ...\n")
+    drives = "import pytest\n\n\n@pytest.mark.browser\ndef test_it(fleet): ...\n"
+    (tmp_path / "pages" / "test_page.py").write_text(drives)
+    found: list[Path] = []
+
+    class Collected:
+        def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+            found.extend(browser_files(items))
+
+    options = ["--collect-only", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=", "-c", "/dev/null"]
+    assert pytest.main([*options, "--rootdir", str(tmp_path), str(tmp_path)], plugins=[Collected()]) == 0
+    assert found == [tmp_path / "pages" / name for name in ("test_page.py", "test_shares.py")]
