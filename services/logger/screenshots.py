@@ -164,9 +164,9 @@ MENU_HEIGHT = 37
 """Height of the viewer's menu [pixels], which is cropped."""
 PALETTE_SIZE = 256
 """Number of colours in an image, including those of the robots: a third of the size, without a visible difference."""
-LOAD_TIMEOUT_S = 60.0
+LOAD_TIMEOUT_S = 180.0
 """Maximum wall time [s] for the viewer to start and load the recording; a lap of four robots takes about 2 s."""
-DRAW_TIMEOUT_S = 60.0
+DRAW_TIMEOUT_S = 180.0
 """Maximum wall time [s] of one request to the viewer, which may have to draw first, in software on a busy machine."""
 SETTLE_TIMEOUT_S = 30.0
 """Maximum wall time [s] for the image to settle."""

@@ -13,7 +13,6 @@ from deploy.bench.figures import Figure
 from deploy.restart_policy import JITTER, RestartPolicy
 from tests.faults.fleet_files import FIRST_PAUSE_S
 from tests.faults.supervised_fleet import START_S, SupervisedFleet
-from tests.harness.robot_recorder import FULL_SPEED
 
 pytestmark = pytest.mark.waits
 
@@ -37,10 +36,11 @@ def test_it_stays_given_up_and_the_others_do_not_mind(broken: SupervisedFleet) -
     broken.wait(lambda: broken.process(NAME).state == "failed", "a service that is given up", START_S)
     broken.wait_full_speed("tb3_0")
     robot = broken.robot("tb3_0")
-    seen = len(robot.samples)
+    seen = robot.samples[-1].sent
     broken.wait_simulated((1 + JITTER) * POLICY.first * 2**POLICY.limit + 0.5)  # longer than the next pause would be
     assert broken.log(NAME).splitlines().count("the lidar does not answer") == 1 + POLICY.limit
-    assert min(each.speed for each in robot.samples[seen:]) > FULL_SPEED
+    assert robot.samples[-1].sent > seen
+    assert robot.slowed(seen) == []
     for name in ("router", "sim", "grader", "tb3_0/waypoint"):
         assert (broken.process(name).state, broken.process(name).restarts) == ("ready", 0)
 

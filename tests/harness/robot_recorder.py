@@ -6,6 +6,7 @@ motion published before a command was sent cannot be caused by it.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import hypot
 from typing import NamedTuple
 
@@ -34,6 +35,11 @@ LATEST_STOP_S = TIMEOUT_S + BRAKING_S + 2 * PERIOD_S + MAX_LAG_S
 """Longest simulation time [s] from the last command to standstill: each end is known only to one sample period, and the
 simulation may be catching up with the wall clock by up to MAX_LAG_S.
 """
+LATE_NS = round((TIMEOUT_S - MAX_LAG_S) / 2 * 1e9)
+"""Pause between two commands [ns] after which the base may have timed out: on such a machine the simulation receives
+late too, and it makes up for a lag of MAX_LAG_S at once."""
+RECOVERY_NS = 5 * 10**9
+"""Time [ns] for a robot to be back at full speed after such a pause, on a machine so busy that controllers are late."""
 
 
 class TruthSample(NamedTuple):
@@ -107,6 +113,26 @@ class RobotRecorder:
     def first_command_after(self, instant: int) -> int | None:
         """Return the sending time [ns] of the first command to move after an instant, None without one."""
         return next((each for each in self.command_instants if each > instant), None)
+
+    def pauses(self, instant: int) -> list[tuple[int, int]]:
+        """Return the pauses of more than LATE_NS that the controller itself has made after an instant, by the sending
+        times [ns] of the commands before and after each: no number is missing between these.
+        """
+        sent = [(last.sent, next_.sent) for last, next_ in pairwise(self.command_samples) if next_.consecutive]
+        return [(begin, end) for begin, end in sent if end > instant and end - begin > LATE_NS]
+
+    def slowed(self, instant: int) -> list[TruthSample]:
+        """Return the samples below full speed after an instant, except for those around a pause of the controller: a
+        base stops when a starved controller is late, as it should.
+        """
+        pauses = self.pauses(instant)
+        return [
+            each
+            for each in self.samples
+            if each.sent > instant
+            and each.speed <= FULL_SPEED
+            and not any(begin < each.sent < end + RECOVERY_NS for begin, end in pauses)
+        ]
 
     def uncommanded_motion(self, instant: int, able: int) -> list[TruthSample]:
         """Return the samples in motion between the stop after an instant and the first new command after that stop.

@@ -9,7 +9,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-def wait_until(probe: Callable[[], T], within: float = 10.0, what: str = "", every: float = 0.005) -> T:
+def wait_until(probe: Callable[[], T], within: float = 30.0, what: str = "", every: float = 0.005) -> T:
     """Poll ``probe`` each ``every`` [s] and return its first true value; fail after ``within`` [s]."""
     deadline = time.monotonic() + within
     while not (value := probe()):

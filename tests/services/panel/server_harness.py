@@ -14,7 +14,7 @@ from websockets.sync.client import ClientConnection, connect
 from services.panel.pages import PageRegistry
 
 TOKEN = "a-token-of-this-run-that-is-long-enough"
-WITHIN_S = 10.0
+WITHIN_S = 30.0
 PAGE_HEADERS = {"origin": "http://127.0.0.1:{port}", "cookie": "elea_panel_{port}=" + TOKEN}
 
 

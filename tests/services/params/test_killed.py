@@ -8,8 +8,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import pytest
-
 from services.runtime.errors import CallFailed
 from tests.harness.processes import Network, Process
 from tests.services.params.parameter_client import (
@@ -93,7 +91,6 @@ def plain_after(after: tuple) -> float:  # type: ignore[type-arg]
     return float(value)
 
 
-@pytest.mark.timeout(240)
 def test_20_kills_lose_nothing_that_was_acknowledged(tmp_path: Path) -> None:
     with Network(tmp_path) as network, ThreadPoolExecutor(LANES) as pool:
         lanes = [pool.submit(lane, network, tmp_path / f"{index}.db", index) for index in range(LANES)]

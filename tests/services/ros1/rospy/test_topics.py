@@ -12,7 +12,7 @@ from services.script.api import kernel
 from tests.harness.ros1 import ros1_imports
 from tests.services.ros1.rospy.golden import check
 
-WITHIN_S = 20.0
+WITHIN_S = 60.0
 
 
 @pytest.fixture
