@@ -171,29 +171,25 @@ def test_sets_and_parameters_are_completed(running: BackgroundFleet) -> None:
 
 
 def test_completion_in_bash_itself(running: BackgroundFleet, tmp_path: Path) -> None:
-    """The completion script calls the program by the name that was typed."""
+    """The completion script calls the program by the name that was typed; what is completed needs no network."""
     program = tmp_path / "elea"
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -P -m deploy "$@"\n')
     program.chmod(0o755)
     typed = (
-        'eval "$(_ELEA_COMPLETE=bash_source ./elea)"; complete -p elea; COMP_WORDS=(./elea topic type /tb3_0/sc); '
-        'COMP_CWORD=3; _elea_completion ./elea; echo "${COMPREPLY[@]}"'
+        'eval "$(_ELEA_COMPLETE=bash_source ./elea)"; complete -p elea; COMP_WORDS=(./elea topic ty); '
+        'COMP_CWORD=2; _elea_completion ./elea; echo "${COMPREPLY[@]}"'
     )
 
-    def press() -> str:
-        done = subprocess.run(
-            ["bash", "--norc", "-c", typed],
-            env=running.command_line.environment,
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=60,
-        )
-        assert done.stderr == ""
-        return done.stdout
-
-    wanted = "complete -o nosort -F _elea_completion elea\n/tb3_0/scan\n"
-    wait_until(lambda: press() == wanted, 20.0, "an answer within the time that completion has")
+    done = subprocess.run(
+        ["bash", "--norc", "-c", typed],
+        env=running.command_line.environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.stderr == ""
+    assert done.stdout == "complete -o nosort -F _elea_completion elea\ntype\n"
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
