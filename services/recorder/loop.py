@@ -10,8 +10,9 @@ from services.recorder import RecorderParameters
 from services.recorder.bag_recorder import REORDER_DELAY_S, BagRecorder
 from services.recorder.subscriptions import Subscriptions, TopicFilter
 from services.runtime.context import Context
-from services.runtime.discovery import wait_for_nodes
+from services.runtime.discovery import wait_for_nodes, wait_for_tokens
 from services.runtime.errors import EleaError
+from services.runtime.lockstep.protocol import SIMULATION
 from services.runtime.step import period_of
 
 
@@ -28,7 +29,9 @@ def run(ctx: Context[RecorderParameters]) -> None:
         ctx.log.info(f"recording to {bag.folder}")
         recorder = BagRecorder(bag, subscriptions, ctx.log)
         try:
-            wait_for_nodes(node.transport, [each for each in p.members if each != ctx.node_name], ctx.idle)
+            others = [each for each in p.members if each != ctx.node_name]
+            wait_for_nodes(node.transport, others, ctx.idle)
+            wait_for_tokens(node.transport, [SIMULATION, *others], ctx.idle)
             subscriptions.subscribe_existing()
             if missing := subscriptions.missing:
                 ctx.log.warn(

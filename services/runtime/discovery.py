@@ -13,7 +13,7 @@ import msgspec
 
 from messages.base import DECODE_ERRORS, decoder, encode
 from services.runtime.errors import list_names
-from services.runtime.graph import Entity, token_pattern
+from services.runtime.graph import Entity, ping_key, token_pattern
 from services.runtime.log import Log
 from services.runtime.transport.api import ADMIN_SPACE, PendingReplies, TokenWatch, Transport
 
@@ -191,3 +191,29 @@ def wait_for_nodes(
             on_wait(awaited, now - started)
         idle()
     return []
+
+
+TOKENS_TIMEOUT_S = 10.0
+"""Wall time [s] that nodes have to answer before their tokens are taken as complete."""
+
+
+def wait_for_tokens(transport: Transport, roster: Collection[str], idle: Callable[[], None]) -> None:
+    """Block until the tokens have arrived that the nodes of the roster declared before this call.
+
+    The tokens of each process come on a link of their own: those of a node that is ready say nothing about those that
+    another one declared for it before. A node answers a ping on the same link, after its tokens. One that does not
+    answer within TOKENS_TIMEOUT_S is not waited for.
+
+    Args:
+        transport: the network.
+        roster: names of nodes; those that are not on the network are ignored.
+        idle: called between two checks; it blocks for a moment.
+    """
+    there = [each for each in map(Entity.parse, transport.tokens(token_pattern("node"))) if each is not None]
+    pings = [
+        transport.query_async(ping_key(each.session, each.node), b"", TOKENS_TIMEOUT_S, notify=transport.wake)
+        for each in there
+        if each.node in roster
+    ]
+    while any(each.poll() is None for each in pings):
+        idle()

@@ -1,10 +1,10 @@
-"""Waiting for a roster: ready members, ended ones, and the end of the wait."""
+"""Waiting for a roster: ready members, ended ones, and the end of the wait; waiting for all of its tokens."""
 
 from __future__ import annotations
 
 import pytest
 
-from services.runtime.discovery import wait_for_nodes
+from services.runtime.discovery import TOKENS_TIMEOUT_S, wait_for_nodes, wait_for_tokens
 from services.runtime.node import Node
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from tests.harness.memory_node import memory_node
@@ -59,3 +59,22 @@ def test_the_patience_begins_anew_with_each_node_that_comes(bus: MemoryBus, monk
 
     monkeypatch.setattr("services.runtime.discovery.time", Clock)
     assert wait_for_nodes(MemoryTransport(bus), ["/a", "/b", "/c"], idle, patience_s=1.0) == []
+
+
+def test_tokens_are_complete_once_every_node_has_answered(bus: MemoryBus) -> None:
+    nodes = [_ready(bus, name, ticks=True) for name in "abc"]
+    answering, waits = [nodes[1], nodes[0]], [0]
+
+    def idle() -> None:
+        waits[0] += 1
+        answering.pop(0).spin_once()
+
+    wait_for_tokens(MemoryTransport(bus), ["/a", "/b", "/absent"], idle)
+    assert waits == [2], "it asks /a and /b, and not /c, which does not answer"
+
+
+def test_a_node_that_does_not_answer_is_waited_for_in_vain(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.runtime.discovery.TOKENS_TIMEOUT_S", 0.05)
+    assert TOKENS_TIMEOUT_S > 1.0
+    _ready(bus, "a", ticks=True)
+    wait_for_tokens(MemoryTransport(bus), ["/a"], lambda: None)
