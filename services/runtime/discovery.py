@@ -201,8 +201,8 @@ def wait_for_tokens(transport: Transport, roster: Collection[str], idle: Callabl
     """Block until the tokens have arrived that the nodes of the roster declared before this call.
 
     The tokens of each process come on a link of their own: those of a node that is ready say nothing about those that
-    another one declared for it before. A node answers a ping on the same link, after its tokens. One that does not
-    answer within TOKENS_TIMEOUT_S is not waited for.
+    another one declared for it before. A node answers a ping on the same link, after its tokens. The wait ends after
+    TOKENS_TIMEOUT_S in any case.
 
     Args:
         transport: the network.

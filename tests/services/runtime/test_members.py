@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.runtime.discovery import TOKENS_TIMEOUT_S, wait_for_nodes, wait_for_tokens
+from services.runtime.discovery import wait_for_nodes, wait_for_tokens
 from services.runtime.node import Node
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from tests.harness.memory_node import memory_node
@@ -75,6 +75,7 @@ def test_tokens_are_complete_once_every_node_has_answered(bus: MemoryBus) -> Non
 
 def test_a_node_that_does_not_answer_is_waited_for_in_vain(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("services.runtime.discovery.TOKENS_TIMEOUT_S", 0.05)
-    assert TOKENS_TIMEOUT_S > 1.0
     _ready(bus, "a", ticks=True)
-    wait_for_tokens(MemoryTransport(bus), ["/a"], lambda: None)
+    waits: list[None] = []
+    wait_for_tokens(MemoryTransport(bus), ["/a"], lambda: waits.append(None))
+    assert waits
