@@ -27,7 +27,7 @@ from services.runtime.network_address import NetworkAddress
 from services.runtime.publisher import Publisher
 from services.runtime.transport.api import TICKER_S, idle_subscriber
 
-_CLOCK_TIMEOUT_S = 2.0
+_CLOCK_TIMEOUT_S = 10.0
 """Wall time [s] to wait for the first /clock, if it is published."""
 _SETTLE_S = 0.3
 """Wall time for the links to subscribers to come up that the graph already shows."""

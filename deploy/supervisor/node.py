@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 
 from deploy.fleet import ChangeConfig
@@ -17,6 +17,7 @@ from messages.requests import SUPERVISOR_RESTART, SUPERVISOR_START, SUPERVISOR_S
 from messages.simulation import SimStatus
 from messages.topics import CHECKS, FLEET_STATE, HEALTH, SCHEDULE, SIM_STATUS, UPDATES
 from services.runtime.discovery import DIRECTORY_KEY
+from services.runtime.errors import TryAgain
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.log import Log
 from services.runtime.node import Node
@@ -106,8 +107,8 @@ RECENT_S = 2.5
 
 _REQUESTS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
 
-_DRAIN_TIMEOUT_S = 0.5
-"""Wall time [s] to wait for the last messages of ended processes."""
+_DRAIN_TIMEOUT_S = 5.0
+"""Wall time [s] to wait for the last messages of ended processes; reached only where something is stuck."""
 
 _MAX_UNKNOWN_NODES = 16
 
@@ -190,14 +191,15 @@ class SupervisorNode:
         return frozenset(self._unknown_nodes)
 
     def drain(self) -> None:
-        """Wait for the last messages of nodes that have just ended: their tokens vanish after them,
+        """Wait for the last messages of the fleet's nodes, which have just ended: their tokens vanish after them,
         on the same links.
         """
-        deadline, own = time.monotonic() + _DRAIN_TIMEOUT_S, self._node.identity.node
+        deadline, pattern = time.monotonic() + _DRAIN_TIMEOUT_S, token_pattern("pub", name=CHECKS.name)
         while time.monotonic() < deadline:
-            found = map(Entity.parse, self._node.transport.tokens(token_pattern("pub", name=CHECKS.name), 0.1))
-            if not any(each is not None and each.node != own for each in found):
-                return
+            with suppress(TryAgain):  # an incomplete list says nothing about those that are not in it
+                found = map(Entity.parse, self._node.transport.all_tokens(pattern))
+                if not any(each is not None and each.node in self._members for each in found):
+                    return
             time.sleep(0.02)
 
     def publish(self, state: FleetState) -> None:

@@ -16,8 +16,8 @@ from deploy.supervisor.log_file import ShowLine, log_name, start_log_writer
 from deploy.supervisor.reaper import Reaper
 from services.runtime.process import PARENT, ROOT
 
-_LOG_TIMEOUT_S = 0.5
-"""Wall time to wait for the rest of the log of a process that has ended."""
+_LOG_TIMEOUT_S = 3.0
+"""Wall time [s] to wait for the rest of the log of a process that has ended."""
 
 
 class ChildProcess:

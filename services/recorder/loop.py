@@ -31,9 +31,10 @@ def run(ctx: Context[RecorderParameters]) -> None:
         try:
             others = [each for each in p.members if each != ctx.node_name]
             wait_for_nodes(node.transport, others, ctx.idle)
-            if ctx.lockstep:  # elsewhere time goes on meanwhile
-                wait_for_tokens(node.transport, [SIMULATION, *others], ctx.idle)
             subscriptions.subscribe_existing()
+            if p.members or ctx.lockstep:  # time begins once this node is ready
+                wait_for_tokens(node.transport, [SIMULATION, *others], ctx.idle)
+                subscriptions.subscribe_existing()
             if missing := subscriptions.missing:
                 ctx.log.warn(
                     f"no publishers or subscribers of {', '.join(missing)} yet: each is recorded once there is one"

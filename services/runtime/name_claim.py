@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from services.runtime.discovery import known_nodes
 from services.runtime.errors import TryAgain
 from services.runtime.graph import REPLACED, Entity, Kind, shutdown_key, token_pattern
-from services.runtime.transport.api import Token, Transport
+from services.runtime.transport.api import TIMEOUT, Token, Transport
 
 TAKEOVER_S = 1.5
 """Wall time [s] within which the token of a killed predecessor has disappeared."""
@@ -35,14 +35,15 @@ def claim_names(transport: Transport, nodes: Sequence[Entity], replaces: bool = 
             return tokens
         settle *= 2  # another node may start at the same moment, and need as long to see all others
     started = seen = time.monotonic()
-    asked: set[str] = set()
+    answered: set[str] = set()
     going: set[str] = set()
     while True:
         rivals = {each.node: found for each in nodes if (found := _rivals(transport, each))}
         for name in rivals if replaces else ():
-            new = _sessions(transport, "pub", name) - {transport.session} - asked
-            asked |= new
-            going |= {each for each in new if ask_to_end(transport, each, name, REPLACED)}
+            for each in _sessions(transport, "pub", name) - {transport.session} - answered:
+                accepts = ask_to_end(transport, each, name, REPLACED)
+                answered |= set() if accepts is None else {each}  # one that is too busy to answer is asked again
+                going |= {each} if accepts else set()
         now = time.monotonic()
         if now - started > TAKEOVER_S:  # one that has agreed to end may take longer to shut down
             rivals = {name: left for name, found in rivals.items() if (left := sorted({*found} - going))}
@@ -59,9 +60,12 @@ def claim_names(transport: Transport, nodes: Sequence[Entity], replaces: bool = 
         time.sleep(0.02)
 
 
-def ask_to_end(transport: Transport, session: str, node: str, reason: str) -> bool:
-    """Ask a node to end; returns whether it accepts."""
-    return any(each.ok for each in transport.query(shutdown_key(session, node), reason.encode(), ASK_S))
+def ask_to_end(transport: Transport, session: str, node: str, reason: str) -> bool | None:
+    """Ask a node to end; returns whether it accepts, None if it does not answer in time."""
+    replies = transport.query(shutdown_key(session, node), reason.encode(), ASK_S)
+    if any(not each.ok and each.payload == TIMEOUT for each in replies):
+        return None
+    return any(each.ok for each in replies)
 
 
 def _sees_everybody(transport: Transport) -> bool:

@@ -59,8 +59,10 @@ waits for.
 """
 _START_S = 10.0
 """Wall time [s] that a call waits for time to begin: messages arrive only from then on."""
-_LINK_S = 2.0
-"""Wall time [s] for which a service that is announced, but does not receive a call yet, is called again."""
+_LINK_S = 10.0
+"""Wall time [s] for which a service that is announced, but does not receive a call yet, is called again: its process
+may be waiting for a processor.
+"""
 _FIRST_POLL_S, _SLOWEST_POLL_S = 0.0002, 0.01
 
 

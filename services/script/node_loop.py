@@ -32,6 +32,8 @@ STOP_S = 2.0
 PEERS_S = 20.0
 """Wall time [s] to wait for the tokens of the other members at the first tick; only a member that has died has none."""
 _ENDING_POLL_S = 0.005
+_ASK_AGAIN_S = 1.0
+"""Wall time [s] between two queries for the speed of time that nobody has answered: a replayed bag has no answer."""
 
 
 class NodeOwner(Protocol):
@@ -104,6 +106,7 @@ class RealTimeLoop:
         self._properties: PendingReplies | None = None
         self._thread = threading.Thread(target=self._run, name="node", daemon=True)
         self._ready = self._stopping = self._factor_known = False
+        self._factor_due = 0.0
         self._script_time = OwnTime(threading.main_thread())
 
     def start(self) -> None:
@@ -139,14 +142,20 @@ class RealTimeLoop:
                 self._watchdog.check()
 
     def _follow_factor(self) -> None:
-        """Query the speed of simulation time from the simulation, once."""
+        """Query the speed of simulation time from the simulation, until it has answered."""
+        if self._factor_known:
+            return
         if self._properties is None:
+            if time.monotonic() < self._factor_due:
+                return
+            self._factor_due = time.monotonic() + _ASK_AGAIN_S
             key = key_of(WORLD_PROPERTIES.name)
             self._properties = self._node.transport.query_async(key, encode(Empty()), STOP_S)
-        elif not self._factor_known and (replies := self._properties.poll()) is not None:
-            self._factor_known = True
+        elif (replies := self._properties.poll()) is not None:
+            self._properties = None
             for each in replies:
                 if each.ok:
+                    self._factor_known = True
                     with suppress(WrongPayload):
                         self._kernel.clock.factor = _read_properties(each.payload).factor
 

@@ -31,6 +31,7 @@ from services.script.interface_finder import install
 from services.script.kernel import KernelOptions, ScriptKernel
 from services.script.loader import SITE_PACKAGES, Keyboard, ScriptLoader, loop_pass, pin_randomness, python2_builtins
 from services.script.lockstep_threading import queue_module, thread_module, threading_module
+from services.script.node_loop import OwnTime
 from services.script.script_time import ScriptTime, datetime_module, time_module
 from services.script.source import PASS
 from services.script.turns import place_of
@@ -286,7 +287,7 @@ class ScriptRun:
                 seen, since = shown, now
             time.sleep(0.02)
         self._kernel.end_waits()
-        time.sleep(NOTICE_S)
+        _give(NOTICE_S)
         deadline = time.monotonic() + LEAVE_S
         while self._kernel.noticed and self._kernel.late_checks < _LATE_CHECKS and time.monotonic() < deadline:
             time.sleep(0.02)
@@ -296,7 +297,7 @@ class ScriptRun:
             main = threading.main_thread().ident
             if main is not None:
                 signal.pthread_kill(main, signal.SIGINT)
-            time.sleep(0.1)
+            _give(0.1)
         if not self._over:
             sys.stderr.write(
                 f"the script did not end when it was asked to: {place_of(threading.main_thread().ident)}\n"
@@ -305,6 +306,13 @@ class ScriptRun:
                 exit_within(CLOSE_S, 0)
                 self._kernel.close()
             exit_now(0)
+
+
+def _give(seconds: float) -> None:
+    """Give the main thread this time; the time in which it waits for a processor does not count."""
+    given = OwnTime(threading.main_thread())
+    while not given.exceeds(seconds):
+        time.sleep(0.02)
 
 
 def _is_interruption(error: BaseException) -> bool:

@@ -35,8 +35,9 @@ from services.runtime.transport.request_queue import Refusals, RequestQueue
 
 WAKE = zenoh.Encoding("elea/nudge")
 """Marks a sample that only wakes the loop."""
-_RELEASE_S = 1.0
-"""Wall time [s] within which a woken thread must have left its wait for a sample."""
+_RELEASE_S = 10.0
+"""Wall time [s] within which a woken thread must have left its wait for a sample, also on a busy machine."""
+_RELEASE_POLL_S = 0.001
 
 
 class ZenohSubscriber:
@@ -154,7 +155,7 @@ class ZenohThreadedSubscriber(ZenohSubscriber):
                 if time.monotonic() > deadline:
                     raise
             self.wake()
-            time.sleep(_RELEASE_S / 1000)
+            time.sleep(_RELEASE_POLL_S)
 
     def wake(self) -> None:
         with suppress(zenoh.ZError):  # the session has closed, which ended the wait
@@ -396,7 +397,7 @@ _THREADS = {
 _OPENING = threading.Lock()
 """Held while a session opens: all threads share the environment."""
 
-CLOSE_S = 1.5
+CLOSE_S = 3.0
 """Maximum wall time [s] of leaving the network. On a dead link Zenoh needs 10 s: its sockets wait that long (SO_LINGER)
 for the other side's acknowledgement. An ending process does not wait; its tokens disappear all the same."""
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,22 +36,28 @@ def test_a_sound_machine_passes_and_a_busy_network_is_told(tmp_path: Path) -> No
             encode({"linear": {"x": 1}}), attachment=b""
         )
         wait_until(lambda: (source.update(), source.refused)[1], 10.0, "a refusal")
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "deploy", "doctor", "--json", "--connect", net.endpoint],
-            cwd=ROOT,
-            env={**os.environ, "XDG_STATE_HOME": str(tmp_path)},
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        deadline = time.monotonic() + 60
-        while process.poll() is None and time.monotonic() < deadline:
-            node.spin_once()
-            time.sleep(0.05)
-        assert process.stdout is not None
-        told = json.loads(process.stdout.read())
+
+        def diagnose() -> Any:
+            """Return what the doctor tells, unless this node was held up while the doctor listened to it."""
+            with subprocess.Popen(
+                [sys.executable, "-P", "-m", "deploy", "doctor", "--json", "--connect", net.endpoint],
+                cwd=ROOT,
+                env={**os.environ, "XDG_STATE_HOME": str(tmp_path)},
+                stdout=subprocess.PIPE,
+                text=True,
+            ) as process:
+                while process.poll() is None:
+                    node.spin_once()
+                    time.sleep(0.05)
+                assert process.stdout is not None
+                told = json.loads(process.stdout.read())
+            assert process.returncode == 0, told
+            silent = [each["name"] for each in told["checks"] if each["why"].startswith("no heartbeat")]
+            return None if "node /tester" in silent else told
+
+        told = wait_until(diagnose, 60.0, "a node that answers the doctor in time")
     checks = {each["name"]: each for each in told["checks"]}
     assert {each["name"] for each in told["checks"] if each["state"] == "fail"} == set()
-    assert process.returncode == 0
     for name in ("platform", "python", "version", "packages", "libraries", "loopback", "clock", "run folder", "router"):
         assert checks[name]["state"] == "ok", checks[name]
     refused = checks["node /tester"]
@@ -138,6 +145,34 @@ def test_the_machine_is_looked_at() -> None:
     assert {each.name for each in machine.cores_and_memory()} == {"cores", "memory"}
 
 
+def test_a_clock_that_steps_is_told_from_a_process_that_is_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Clocks:
+        """Clocks of which one reading in four is interrupted for a second."""
+
+        strftime = staticmethod(time.strftime)
+
+        def __init__(self, step: float) -> None:
+            self.passed, self.ahead, self.readings, self.step = 0.0, 1.8e9, 0, step
+
+        def monotonic(self) -> float:
+            self.readings += 1
+            self.passed += 1.0 if self.readings % 4 == 0 else 1e-7
+            return self.passed
+
+        def time(self) -> float:
+            return self.passed + self.ahead
+
+        def sleep(self, seconds: float) -> None:
+            self.passed += seconds
+            self.ahead += self.step
+
+    for step, said in ((0.0, "steady"), (0.2, "the wall clock stepped by 200 ms"), (-3.0, "stepped by 3000 ms")):
+        monkeypatch.setattr(machine, "time", Clocks(step))
+        (found,) = machine.clock()
+        assert said in found.why
+        assert found.state == ("warn" if step else "ok")
+
+
 def test_nodes_tell_what_troubles_them() -> None:
     entities = [Entity("1", "node", each) for each in ("/sim", "/hung", "/_tf_echo_12")]
     lossy = InputHealth(topic="/odom", received=90, lost=10)
@@ -159,7 +194,7 @@ def test_a_process_that_lost_its_supervisor_is_found(tmp_path: Path) -> None:
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=120,
         check=True,
     )
     pid = int(shell.stdout)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,6 +19,7 @@ from services.runtime.node import Node
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, configuration
 from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.waits
 
@@ -49,20 +51,23 @@ def test_of_those_that_come_at_once_one_gets_the_name(network: Network, tmp_path
 
     def come() -> None:
         with transport(network) as mine:
-            start.wait(20)
+            kept = mine.declare_token(f"@elea/come/{mine.session}")
+            wait_until(lambda: len(mine.tokens("@elea/come/*")) == 3, what="links to the others")
+            start.wait(60)
+            kept.close()
             try:
                 with node(mine, "same"):
                     got.append(mine.session)
-                    decided.wait(20)
+                    decided.wait(60)
             except TryAgain as error:
                 refused.append(str(error))
-                decided.wait(20)
+                decided.wait(60)
 
     threads = [threading.Thread(target=come) for _ in range(3)]
     for each in threads:
         each.start()
     for each in threads:
-        each.join(30)
+        each.join(120)
     assert len(got) == 1
     assert len(refused) == 2
     assert all("a node /same is already there" in each for each in refused)
@@ -70,7 +75,7 @@ def test_of_those_that_come_at_once_one_gets_the_name(network: Network, tmp_path
 
 def test_what_else_answers_for_the_register_is_not_believed(network: Network) -> None:
     with transport(network) as asked, transport(network) as stranger:
-        assert known_nodes(asked) is not None
+        wait_until(lambda: known_nodes(asked) is not None, what="an answer of the router")
         server = stranger.serve(DIRECTORY_KEY)
         stop = threading.Event()
 
@@ -91,14 +96,49 @@ def test_what_else_answers_for_the_register_is_not_believed(network: Network) ->
             liar.join()
 
 
+def test_a_node_that_is_too_busy_to_answer_is_asked_again(network: Network, monkeypatch: pytest.MonkeyPatch) -> None:
+    asks: list[bool | None] = []
+    ask = name_claim.ask_to_end
+
+    def counted(*arguments: Any) -> bool | None:
+        asks.append(ask(*arguments))
+        return asks[-1]
+
+    monkeypatch.setattr(name_claim, "ask_to_end", counted)
+    monkeypatch.setattr(name_claim, "ASK_S", 0.05)
+    monkeypatch.setattr(name_claim, "TAKEOVER_S", 600.0)
+    with transport(network) as first, transport(network) as second, ExitStack() as stack:
+        old, new = node(first, "talker"), node(second, "talker")
+        reasons: list[str] = []
+        old.on_asked_to_end, old.replaceable, new.replaceable = reasons.append, True, True
+        entered = stack.enter_context(old)
+        wait_until(
+            lambda: any(each.kind == "pub" and each.node == "/talker" for each in snapshot(second)), what="the old one"
+        )
+        taken = threading.Thread(target=lambda: stack.enter_context(new))
+        taken.start()
+        wait_until(lambda: asks.count(None) >= 2, what="two questions without an answer")
+        monkeypatch.setattr(name_claim, "ASK_S", 60.0)
+        while taken.is_alive():
+            entered.spin_once()
+            if asks[-1] is not None:
+                monkeypatch.setattr(name_claim, "TAKEOVER_S", 0.0)
+            taken.join(0.01)
+    assert asks[-1] is True
+
+
 def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(
     network: Network, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
+    monkeypatch.setattr(name_claim, "ASK_S", 60.0)  # the old one answers in this thread, whenever that runs
     with transport(network) as first, transport(network) as second, ExitStack() as stack:
         old, new = node(first, "talker"), node(second, "talker")
         old.on_asked_to_end, old.replaceable, new.replaceable = asked.append, True, True
         entered = stack.enter_context(old)
+        wait_until(
+            lambda: any(each.kind == "pub" and each.node == "/talker" for each in snapshot(second)), what="the old one"
+        )
         taken = threading.Thread(target=lambda: stack.enter_context(new))
         taken.start()
         while taken.is_alive():
@@ -107,5 +147,10 @@ def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(
         assert asked == [REPLACED]
         assert {each.session for each in snapshot(second) if each.node == "/talker"} >= {second.session}
         monkeypatch.setattr(name_claim, "TAKEOVER_S", 0.1)  # no node gives way
-        with transport(network) as third, pytest.raises(TryAgain, match="already there"), node(third, "talker"):
+        # It would wait for a minute if it didn't see the others.
+        with (
+            transport(network, settle_s=60.0) as third,
+            pytest.raises(TryAgain, match="already there"),
+            node(third, "talker"),
+        ):
             pass  # a node of another kind is rejected as before
