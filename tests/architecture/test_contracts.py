@@ -72,7 +72,7 @@ def lint(tree: Path) -> tuple[int, list[str], dict[str, str]]:
         env={**os.environ, "PYTHONPATH": str(tree), "COLUMNS": "200"},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     summary, _, details = ran.stdout.partition("Broken contracts")

@@ -56,7 +56,7 @@ def test_help_is_light() -> None:
         input=json.dumps(COMMANDS),
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=300,
         check=False,
     )
     assert ran.stdout == "all are light\n", ran.stderr

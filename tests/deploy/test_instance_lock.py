@@ -21,6 +21,7 @@ from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from services.runtime.user_folders import instances_folder
+from tests.harness.ports import free_port
 
 HOLDER = """
 import sys, time
@@ -37,9 +38,7 @@ with instance_lock(entry):
 def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
     """A free port, with an empty state folder."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    return free_port()
 
 
 def entry(port: int) -> FleetInstance:

@@ -51,7 +51,7 @@ def test_closed_pipe_ends_no_run_and_does_not_change_its_status(tmp_path: Path) 
         assert os.read(out, 1)  # it has written; then the reader closes the pipe
     finally:
         os.close(out)
-    assert up.wait(90) == 0
+    assert up.wait(300) == 0
     assert terminal.report()["ok"] is True
 
 

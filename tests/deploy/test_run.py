@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,10 @@ from deploy.run_fleet import RunResult, reason_unmeasured
 from deploy.supervisor.supervisor import Outcome
 from services.runtime.process import ROOT
 from tests.deploy.supervisor.supervisor_harness import has_ended
+from tests.harness.command_line import WITHIN_S
 from tests.harness.fork_server import ForkedVerb
 from tests.harness.ports import free_port
+from tests.harness.waiting import wait_until
 
 FLEET = """
 name = "one"
@@ -59,7 +60,7 @@ class FleetCommandLine:
     def run(self, *arguments: str, status: int = 0) -> str:
         """Run a command, assert its exit status, and return its output."""
         process = self.start(*arguments)
-        out, err = process.communicate(timeout=90)
+        out, err = process.communicate(timeout=WITHIN_S)
         assert process.returncode == status, err
         return out
 
@@ -74,10 +75,12 @@ class FleetCommandLine:
 
     def wait_until_ready(self, name: str, restarts: int) -> dict[str, Any]:
         """Wait until a process is ready after at least ``restarts`` restarts; return its entry in ``ps``."""
-        deadline = time.monotonic() + 30
-        while (shown := self.processes()[name])["state"] != "ready" or shown["restarts"] < restarts:
-            assert time.monotonic() < deadline, shown
-        return shown
+
+        def ready() -> dict[str, Any]:
+            shown = self.processes()[name]
+            return shown if shown["state"] == "ready" and shown["restarts"] >= restarts else {}
+
+        return wait_until(ready, 60.0, f"{name} ready again")
 
 
 @pytest.fixture

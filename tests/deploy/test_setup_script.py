@@ -92,7 +92,7 @@ class ProjectCopy:
             cwd=cwd or self.root.parent,
             capture_output=True,
             text=True,
-            timeout=30,
+            timeout=180,
         )
 
     def installs(self) -> list[str]:
@@ -193,7 +193,7 @@ def test_installer_that_outlives_a_killed_start_is_waited_for(copy: ProjectCopy,
         wait_until(lambda: "left of one that was killed" in said.read_text(), 20.0, "the second start to wait")
         assert copy.installs() == ["venv", "pip"]
         os.killpg(killed.pid, signal.SIGKILL)
-        assert again.communicate(timeout=30)[0].startswith(b"python -P -m deploy ps")
+        assert again.communicate(timeout=180)[0].startswith(b"python -P -m deploy ps")
     assert copy.installs() == ["venv", "pip"] * 2
 
 
@@ -203,7 +203,7 @@ def test_two_first_starts_install_once(copy: ProjectCopy) -> None:
     both = [
         subprocess.Popen([copy.root / "elea", "ps"], env=copy.environment(), stdout=subprocess.PIPE) for _ in range(2)
     ]
-    assert [each.communicate(timeout=30)[0].split(b"\n")[0] for each in both] == [b"python -P -m deploy ps"] * 2
+    assert [each.communicate(timeout=180)[0].split(b"\n")[0] for each in both] == [b"python -P -m deploy ps"] * 2
     assert copy.installs() == ["venv", "pip"]
 
 

@@ -33,7 +33,7 @@ DRIVING = (
     + robot_table(0, waypoint_entry(0))
     + "".join(robot_table(number, _faulty(name)) for number, name in enumerate(("deadlock", "spin", "gil"), 1))
     + _service("timekeeper")
-    + '\n[[service]]\nkind = "sim"\nrestart = { first = 2.0 }\n'
+    + '\n[[service]]\nkind = "sim"\nrestart = { first = 4.0 }\n'
 )
 """A robot with the waypoint controller, three with controllers that hang on request, and a sim that restarts late."""
 
@@ -47,11 +47,13 @@ STAR = (
 
 FIRST_PAUSE_S = 0.05
 """Pause before the first restart of the service that exits at once [s]."""
+WINDOW_S = 600.0
+"""Time [s] within which its restarts count together, however slowly it starts on a busy machine."""
 BROKEN = (
     FLEET_HEADER.format(topology="direct")
     + robot_table(0, waypoint_entry(0))
     + "".join(_service(f"raise_in_{place}") for place in ("loop", "thread", "timer", "answer"))
-    + _service("crash_at_once", f"restart = {{ first = {FIRST_PAUSE_S} }}")
+    + _service("crash_at_once", f"restart = {{ first = {FIRST_PAUSE_S}, window = {WINDOW_S} }}")
 )
 """A robot that must not be affected, services that raise on request, and one that can't start."""
 

@@ -18,6 +18,7 @@ class FleetRecorder:
         self.node = node
         self.robots = {name: RobotRecorder(node, name) for name in robots}
         self.health: dict[str, tuple[int, Health]] = {}
+        self.beats: list[tuple[int, Health]] = []
         self.processes: dict[str, ProcessState] = {}
         self.started_ns: dict[int, int] = {}
         self.sessions: dict[str, set[str]] = {}
@@ -25,13 +26,15 @@ class FleetRecorder:
         self._tokens = node.transport.watch(token_pattern("node"))
 
     def poll(self) -> None:
-        """Read new messages: each node's latest heartbeat with its sending time [ns], the processes, the time [ns] of
-        the supervisor's first report of each process id, and the sessions that hold each node's token.
+        """Read new messages: all heartbeats and each node's latest one with their sending times [ns], the processes,
+        the time [ns] of the supervisor's first report of each process id, and the sessions that hold each node's token.
         """
         for track in self.robots.values():
             track.poll()
         self._health.update()
-        self.health |= {beat.node: (origin.source_ns, beat) for beat, origin in self._health.messages if origin}
+        beats = [(origin.source_ns, beat) for beat, origin in self._health.messages if origin]
+        self.beats += beats
+        self.health |= {each[1].node: each for each in beats}
         self._fleet.update()
         for state, origin in self._fleet.messages:
             self.processes = {each.name: each for each in state.processes}
@@ -47,6 +50,11 @@ class FleetRecorder:
     def alive(self, node: str) -> bool:
         """Whether the node has a liveliness token."""
         return bool(self.sessions.get(node))
+
+    def first_beat(self, node: str, state: str, instant: int) -> int | None:
+        """Return the sending time [ns] of a node's first heartbeat in a state after an instant, None without one."""
+        found = (sent for sent, beat in self.beats if sent > instant and (beat.node, beat.state) == (node, state))
+        return next(found, None)
 
     def state(self, node: str) -> str:
         """Return the state in the node's latest heartbeat."""

@@ -17,7 +17,7 @@ from messages.std import Empty
 from services.panel.address import ADDRESS_FILE, read_address
 from services.runtime.process import ROOT
 from tests.faults.fleet_files import FLEET_HEADER, robot_table, waypoint_entry
-from tests.faults.supervised_fleet import START_S, SupervisedFleet
+from tests.faults.supervised_fleet import START_S, WITHIN_S, SupervisedFleet
 from tests.faults.test_killed_processes import LANDING
 from tests.harness.fork_server import ForkedVerb
 from tests.harness.robot_recorder import STANDSTILL_SPEED
@@ -80,7 +80,7 @@ class EmergencyStopHarness:
 
     def stops(self) -> tuple[EmergencyStop, ...]:
         """Return the simulation's emergency stops."""
-        return self.fleet.recorder.node.call(LIST_STOPS, Empty()).stops
+        return self.fleet.recorder.node.call(LIST_STOPS, Empty(), WITHIN_S).stops
 
     def wait_held(self, *holders: str) -> None:
         """Wait until exactly these holders, given by name prefix, stop the robot, and it stands still."""
@@ -193,11 +193,11 @@ def test_what_is_given_while_the_simulation_is_down_or_paused_counts(fleet_with_
 def test_a_deleted_robot_takes_its_stop_with_it(fleet_with_stops: EmergencyStopHarness) -> None:
     fleet_with_stops.page(True)
     fleet_with_stops.wait_held("/panel")
-    place = fleet_with_stops.fleet.recorder.node.call(DELETE, Name(name="tb3_0"))
+    place = fleet_with_stops.fleet.recorder.node.call(DELETE, Name(name="tb3_0"), WITHIN_S)
     assert place.text == "deleted tb3_0"
     assert fleet_with_stops.stops() == ()
     born = max(each.sent for each in fleet_with_stops.robot.samples)
-    fleet_with_stops.fleet.recorder.node.call(SPAWN, SpawnModel(name="tb3_0", model="burger"))
+    fleet_with_stops.fleet.recorder.node.call(SPAWN, SpawnModel(name="tb3_0", model="burger"), WITHIN_S)
     fleet_with_stops.fleet.wait(lambda: fleet_with_stops.robot.samples[-1].sent > born, "the robot of the same name")
     fleet_with_stops.wait_driving()
 
@@ -216,7 +216,9 @@ def test_a_file_that_cannot_be_written_or_read(fleet_with_stops: EmergencyStopHa
     assert not file.exists() or "/panel" not in file.read_text()
     (beside / "full").unlink()
     beside.rmdir()
-    fleet_with_stops.fleet.wait(lambda: "/panel" in file.read_text(), "the stop in the file, once there is room")
+    fleet_with_stops.fleet.wait(
+        lambda: file.exists() and "/panel" in file.read_text(), "the stop in the file, once there is room"
+    )
 
     file.write_text("{")
     born = fleet_with_stops.restart("sim")

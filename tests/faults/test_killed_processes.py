@@ -11,7 +11,7 @@ from services.runtime.heartbeat import PERIOD_S
 from services.runtime.subscriber import Subscriber
 from tests.faults.services.timekeeper import TICKS
 from tests.faults.supervised_fleet import WITHIN_S, SupervisedFleet
-from tests.harness.robot_recorder import LATEST_STOP_S
+from tests.harness.robot_recorder import LATEST_STOP_S, WHEELS
 from tests.harness.waiting import wait_until
 
 LANDING = 0.01
@@ -59,18 +59,23 @@ def test_without_the_simulation_controllers_wait_and_follow_the_new_one(driving:
     before, old = driving.process("sim"), driving.robot("tb3_0").samples[-1].time
     killed = driving.kill("sim")
     controllers = [f"/{name}" for name in others if name.startswith("tb3_") or name == "timekeeper"]
-    driving.wait(lambda: all(driving.recorder.state(each) == "waiting" for each in controllers), "idle controllers")
-    idle = max(driving.recorder.health[each][0] for each in controllers)
+
+    def idle_since() -> list[int]:
+        found = [driving.recorder.first_beat(each, "waiting", killed) for each in controllers]
+        return [each for each in found if each is not None]
+
+    driving.wait(lambda: len(idle_since()) == len(controllers), "idle controllers")
+    idle = max(idle_since())
 
     born = driving.wait_restarted(before)
     driving.wait(lambda: robot.samples[-1].time < old, "a robot of the new simulation")
     began = next(each for each in robot.samples if each.sent > killed and each.time < old)
     driving.wait_full_speed(*driving.recorder.robots)
     assert [each for each in robot.command_instants if idle < each < born] == []
-    assert began.x < 0.1, "the world is as it was at the start"
-    assert robot.base.stale_dropped == 0
+    assert began.x < 0.01 + WHEELS.max_linear * began.time / 1e9, "the world is as it was at the start"
     fresh = robot.first_command_after(born)
     assert fresh is not None
+    assert all(each.stale_dropped == 0 for sent, each in robot.statuses if born < sent < fresh), "of another life"
     # The observer, which joins the new simulation too, may miss the first commands and can't judge them.
     heard = next(each for each in robot.command_samples if each.sent >= fresh)
     unmoved = [each for each in robot.samples if began.sent <= each.sent < fresh]

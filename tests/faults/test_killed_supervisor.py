@@ -28,6 +28,7 @@ def test_all_are_gone_and_up_works_again_on_the_same_port(tmp_path: Path) -> Non
         with SupervisedFleet(FAMILY, 1, tmp_path / "second", fleet.port) as again:
             again.wait_ready(*NODES, within=START_S)
             again.wait_full_speed("tb3_0")
+            again.wait(lambda: all(again.recorder.alive(f"/{name}") for name in NODES), "the tokens of all")
             assert {name: len(again.recorder.sessions[f"/{name}"]) for name in NODES} == dict.fromkeys(NODES, 1)
             assert all(each.restarts == 0 for each in again.recorder.processes.values())
             assert fleet.survivors() == []

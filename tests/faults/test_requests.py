@@ -20,7 +20,7 @@ from services.runtime.transport.api import TIMEOUT
 from services.runtime.transport.request_queue import MAX_BYTES, MAX_REASON_LENGTH, MAX_WAITING
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from tests.faults.conftest import FleetSlot
-from tests.faults.supervised_fleet import START_S, SupervisedFleet
+from tests.faults.supervised_fleet import START_S, WITHIN_S, SupervisedFleet
 from tests.harness.background_fleet import BURGER
 from tests.harness.external_client import error_reason, external_client
 from tests.harness.health import ask_health
@@ -55,10 +55,11 @@ def unharmed(asked_fleet: SupervisedFleet) -> Iterator[None]:
     before = {name: each.pid for name, each in asked_fleet.recorder.processes.items()}
     yield
     node = asked_fleet.recorder.node
-    assert node.call(GET_STATE, GetModelState(name="tb3_0")).name == "tb3_0"
-    assert node.call(PARAMS_SET, SetParameters(set=SET, values=assignments(publish_rate=20.0), run=True)).set == SET
+    assert node.call(GET_STATE, GetModelState(name="tb3_0"), WITHIN_S).name == "tb3_0"
+    rate = SetParameters(set=SET, values=assignments(publish_rate=20.0), run=True)
+    assert node.call(PARAMS_SET, rate, WITHIN_S).set == SET
     with pytest.raises(CallFailed, match="unknown process 'rooter'; did you mean 'router'"):
-        node.call(SUPERVISOR_STOP, Name(name="rooter"))
+        node.call(SUPERVISOR_STOP, Name(name="rooter"), WITHIN_S)
     asked_fleet.recorder.poll()
     assert {name: each.pid for name, each in asked_fleet.recorder.processes.items()} == before
     assert all(each.restarts == 0 for each in asked_fleet.recorder.processes.values())
@@ -117,7 +118,7 @@ def test_two_servers_are_named_to_who_asks_in_the_log_and_by_doctor(asked_fleet:
             with spinning(rogue):
                 asked_fleet.wait(lambda: len(servers(asker.transport, GET_STATE.name)) == 2, "both servers in sight")
                 with pytest.raises(SeveralServers, match="2 processes serve /sim/get_state") as caught:
-                    asker.call(GET_STATE, GetModelState(name="tb3_0"))
+                    asker.call(GET_STATE, GetModelState(name="tb3_0"), WITHIN_S)
                 assert "/sim (session" in str(caught.value)
                 assert f"/rogue (session {rogue.transport.session[:8]})" in str(caught.value)
                 (found,) = requests(snapshot(asker.transport))
@@ -127,7 +128,7 @@ def test_two_servers_are_named_to_who_asks_in_the_log_and_by_doctor(asked_fleet:
                     lambda: "/rogue (session" in asked_fleet.log("sim"), "a word in the log of the simulation"
                 )
         asked_fleet.wait(lambda: len(servers(asker.transport, GET_STATE.name)) == 1, "one server alone")
-        assert asker.call(GET_STATE, GetModelState(name="tb3_0")).name == "tb3_0"
+        assert asker.call(GET_STATE, GetModelState(name="tb3_0"), WITHIN_S).name == "tb3_0"
 
 
 def test_a_server_that_was_killed_and_returns_is_one_server(asked_fleet: SupervisedFleet) -> None:

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import signal
 import time
+from contextlib import suppress
 
+import psutil
 import pytest
 
 from messages.topics import CMD_VEL
 from tests.faults.services.faulty_controller import FULL_SPEED as FORWARD
-from tests.faults.supervised_fleet import WITHIN_S, SupervisedFleet
+from tests.faults.supervised_fleet import WITHIN_S, SupervisedFleet, send_signal
 from tests.faults.test_killed_processes import declared
-from tests.harness.robot_recorder import FULL_SPEED, LATEST_STOP_S, STANDSTILL_SPEED, TIMEOUT_S, WHEELS
+from tests.harness.robot_recorder import (
+    FULL_SPEED,
+    LATEST_STOP_S,
+    STANDSTILL_SPEED,
+    TIMEOUT_S,
+    WHEELS,
+    TruthSample,
+)
 from tests.harness.waiting import wait_until
 
 pytestmark = pytest.mark.waits
@@ -19,6 +28,10 @@ pytestmark = pytest.mark.waits
 BURST = 10
 """Commands sent into the frozen router, and the time between them [s]."""
 SPACING_S = 0.02
+SHORT_NS = 1_500_000_000
+"""Longest freeze [ns] of the router: shorter than the leases of its links, and than it takes to be replaced."""
+TRIES = 5
+"""Freezes within which one must be short, on a machine on which this test may stand still for longer."""
 
 
 def pass_time(seconds: float) -> None:
@@ -32,20 +45,29 @@ def test_a_burst_of_old_commands_is_dropped(star: SupervisedFleet) -> None:
     robot = star.robot("tb3_1")
     with star.node("commander", "star") as node:
         commands = node.advertise(CMD_VEL, "/tb3_1/cmd_vel")
-        star.drive(commands, lambda: robot.speed > FULL_SPEED, "full speed")
-        before = robot.base.stale_dropped
-        frozen = star.send_signal("router", signal.SIGSTOP)
-        for _ in range(BURST):
-            commands.publish(FORWARD)
-            pass_time(SPACING_S)
-        pass_time(2 * TIMEOUT_S)
-        continued = star.send_signal("router", signal.SIGCONT)
+        for _ in range(TRIES):
+            star.wait_ready("router")
+            star.drive(commands, lambda: robot.speed > FULL_SPEED, "full speed")
+            before, router = robot.base.stale_dropped, star.process("router")
+            frozen = send_signal(router.pid, signal.SIGSTOP)
+            for _ in range(BURST):
+                commands.publish(FORWARD)
+                pass_time(SPACING_S)
+            pass_time(2 * TIMEOUT_S)
+            with suppress(psutil.NoSuchProcess):
+                continued = send_signal(router.pid, signal.SIGCONT)
+                if continued - frozen < SHORT_NS:
+                    break
+        else:
+            raise AssertionError(f"none of {TRIES} freezes was short")
 
         star.wait(lambda: robot.base.stale_dropped > before, "old commands to be dropped")
         star.wait_simulated(1.0, "tb3_1")
         assert robot.seconds_to_stop(frozen) <= LATEST_STOP_S
-        assert [each for each in robot.samples if each.sent > continued and each.speed >= STANDSTILL_SPEED] == []
-        assert star.process("router").restarts == 0
+        stood = robot.first_stop_after(frozen)
+        assert stood is not None
+        assert [each for each in robot.samples if each.sent > stood.sent and each.speed >= STANDSTILL_SPEED] == []
+        assert star.process("router") == router
         star.drive(commands, lambda: robot.speed > FULL_SPEED, "full speed by fresh commands")
 
 
@@ -67,10 +89,17 @@ def test_without_the_router_all_robots_stop(star: SupervisedFleet) -> None:
         star.wait_restarted(before)
         star.wait(lambda: all(track.samples[-1].sent > killed + 1e9 for track in robots.values()), "robots in sight")
 
+        unseen_ns = 2 * LATEST_STOP_S * 1e9
+
+        def in_sight() -> TruthSample | None:
+            """Return the first sample after a time without the router that is long in simulation time, too."""
+            late = (each for each in robots["tb3_1"].samples if each.sent > killed + 1e9)
+            return next((each for each in late if each.time > last["tb3_1"].time + unseen_ns), None)
+
+        star.wait(in_sight, "a robot that was long out of sight")
         star.wait_simulated(1.0, "tb3_1")
-        seen = next(each for each in robots["tb3_1"].samples if each.sent > killed + 1e9)
-        blind = (seen.time - last["tb3_1"].time) / 1e9
-        assert blind > 2 * LATEST_STOP_S
+        seen = in_sight()
+        assert seen is not None
         assert seen.x - last["tb3_1"].x <= WHEELS.max_linear * LATEST_STOP_S
         assert [
             each for each in robots["tb3_1"].samples if each.sent >= seen.sent and each.speed >= STANDSTILL_SPEED
@@ -82,4 +111,5 @@ def test_without_the_router_all_robots_stop(star: SupervisedFleet) -> None:
         star.wait_full_speed("tb3_0")
         star.drive(commands, lambda: robots["tb3_1"].speed > FULL_SPEED, "full speed by fresh commands")
         wait_until(lambda: declared(star, "late") == graph, WITHIN_S, "everybody declared at the new router")
-    assert {name: each.restarts for name, each in star.recorder.processes.items() if each.restarts} == {"router": 1}
+    restarts = {name: each.restarts for name, each in star.recorder.processes.items() if each.restarts}
+    assert restarts == {"router": before.restarts + 1}

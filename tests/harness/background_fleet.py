@@ -90,7 +90,7 @@ def interrupt(process: subprocess.Popen[str]) -> CommandResult:
     process.send_signal(signal.SIGINT)
     # Not communicate(): it would miss text that an earlier readline() left in the buffer.
     out, err = process.stdout.read(), process.stderr.read()
-    return CommandResult(process.wait(20), out, err)
+    return CommandResult(process.wait(60), out, err)
 
 
 @contextmanager

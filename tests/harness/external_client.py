@@ -31,7 +31,7 @@ def external_client(endpoint: str) -> Iterator[zenoh.Session]:
 
 def error_reason(session: zenoh.Session, key: str, payload: bytes | None) -> str:
     """Send a request and return the reason in its error reply; fail if it succeeded or got no reply."""
-    replies = list(session.get(key, payload=payload, timeout=10.0))
+    replies = list(session.get(key, payload=payload, timeout=60.0))
     assert len(replies) == 1, f"{len(replies)} replies of {key} to {payload!r}"
     assert replies[0].ok is None, f"{key} did what {payload!r} asks"
     assert replies[0].err is not None

@@ -44,7 +44,7 @@ class FakeParameterService:
 
     def __exit__(self, *exception: object) -> None:
         self._ended.set()
-        self._thread.join(10)
+        self._thread.join(60)
         self._node.transport.close()
 
     def publish(self, name: str, values: dict[str, Any], origin: Origin = "saved") -> None:
@@ -58,7 +58,7 @@ class FakeParameterService:
             done.set()
 
         self._jobs.append(job)
-        assert done.wait(10)
+        assert done.wait(60)
 
     def _announce(self, asked: Announcement) -> ParameterValues:
         self.announcements.append(asked)

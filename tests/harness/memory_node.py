@@ -67,5 +67,5 @@ def spinning(made: Node) -> Iterator[None]:
     finally:
         made.stopping = True
         made.transport.wake()
-        thread.join(10)
+        thread.join(60)
         assert not thread.is_alive()

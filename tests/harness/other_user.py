@@ -14,7 +14,7 @@ NOBODY = 65534
 PROGRAM = """
 import json, logging, os, queue, socket, sys, threading, time
 import msgpack, zenoh
-connect, listen, user = sys.argv[1:]
+connect, listen, user, within_ms = sys.argv[1:]
 os.setgroups([])
 os.setgid(int(user))
 os.setuid(int(user))
@@ -25,7 +25,7 @@ for path in json.loads(listen):
         print("in by", path, flush=True)
     except OSError as error:
         print(type(error).__name__, flush=True)
-config = {"mode": "client", "connect": {"endpoints": [connect], "timeout_ms": 3000, "exit_on_failure": True}}
+config = {"mode": "client", "connect": {"endpoints": [connect], "timeout_ms": int(within_ms), "exit_on_failure": True}}
 config["scouting"] = {"multicast": {"enabled": False}}
 try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
@@ -40,9 +40,13 @@ while True:
 
 
 @contextmanager
-def run_as_other_user(connect: str, paths: Sequence[str] = ()) -> Iterator[subprocess.Popen[str]]:
-    """Run the program; it first tries to connect to the sockets at ``paths``. Needs root, as in CI."""
+def run_as_other_user(connect: str, paths: Sequence[str] = (), within: float = 3.0) -> Iterator[subprocess.Popen[str]]:
+    """Run the program; it first tries to connect to the sockets at ``paths``, then for ``within`` [s] to ``connect``.
+
+    Needs root, as in CI.
+    """
     command = [sys.executable, "-I", "-c", PROGRAM, connect, json.dumps(list(paths)), str(NOBODY)]
+    command.append(str(round(within * 1000)))
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
         try:
             yield program

@@ -24,7 +24,7 @@ from tests.harness.fork_server import ForkedProcess
 from tests.harness.ports import free_port
 from tests.harness.waiting import wait_until
 
-STOP_S = 30.0
+STOP_S = 60.0
 """Wall time for a process to end on SIGINT before it is killed."""
 ROUTER_S = 60.0
 """Wall time for a router to start on a busy machine."""

@@ -29,5 +29,5 @@ def test_an_orphan_dies_with_the_run_that_is_killed() -> None:
     with subprocess.Popen([sys.executable, "-c", RUN], env=environment, stdout=subprocess.PIPE, text=True) as run:
         assert run.stdout is not None
         orphan = int(run.stdout.readline())
-        assert run.wait(20) == -signal.SIGKILL
+        assert run.wait(60) == -signal.SIGKILL
     wait_until(lambda: not psutil.pid_exists(orphan), 20, "the orphan to be gone")

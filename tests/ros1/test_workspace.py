@@ -33,6 +33,9 @@ SAID = {
         "state 2: preempted",
     ],
 }
+MEASURED = "updates 4, took about a second: True"
+"""A line that holds only in lockstep: in real time, a program that has to wait for a processor sleeps for longer."""
+SAID_IN_REAL_TIME = {program: [line for line in said if line != MEASURED] for program, said in SAID.items()}
 
 
 def files(folder: Path) -> dict[str, int]:
@@ -47,13 +50,13 @@ def launch(folder: Path, package: Path, mode: str) -> ScriptRun:
     options = ("--mode", mode, *ends, "--report", str(results), "--no-view", "--no-picture", "--json")
     started = terminal.start("roslaunch", *options, "--port", str(terminal.port), file, "words:=a b c d e")
     if not ends:
-        interrupt_when_said(started, results / "logs", SAID)
+        interrupt_when_said(started, results / "logs", SAID_IN_REAL_TIME)
     ended = terminal.finish(started)
     assert ended.status == 0, ended.out[-2000:] + ended.err[-4000:]
     return ScriptRun(json.loads(ended.out), results / "logs")
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(420)
 def test_it_runs_as_it_lies_in_both_modes(tmp_path: Path) -> None:
     workspace = tmp_path / "somewhere"
     shutil.copytree(HERE / "workspaces/campus", workspace)
@@ -66,7 +69,7 @@ def test_it_runs_as_it_lies_in_both_modes(tmp_path: Path) -> None:
     asker = next(each for each in lockstep.processes() if each.startswith("asker"))
     assert lockstep.lines(asker)[-1] == "a b c d e -> 5"
     assert_said(lockstep, SAID)
-    assert_said(real, SAID)
+    assert_said(real, SAID_IN_REAL_TIME)
     assert files(workspace) == before
 
 

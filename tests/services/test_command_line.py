@@ -14,7 +14,7 @@ def run(*arguments: str, program: str | None = None) -> tuple[int, str, str]:
     """Run it; return exit status, standard output and standard error."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)} | ({PROGRAM: program} if program else {})
     command = [sys.executable, "-P", "-m", "services", *arguments]
-    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30, check=False)
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
     return ran.returncode, ran.stdout, ran.stderr
 
 

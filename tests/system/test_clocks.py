@@ -120,6 +120,6 @@ def test_what_was_held_up_is_not_obeyed(running: TwoRobotSimulation) -> None:
                 each.send(made=oldest + PERIOD_S * number)
                 dropped += 1
                 if (number + 1) % AT_ONCE == 0:
-                    wait_until(lambda e=each, d=dropped: e.base.stale_dropped == d, WITHIN_S, "all dropped")  # type: ignore[misc]
+                    wait_until(lambda e=each, d=dropped: e.base.stale_dropped >= d, WITHIN_S, "all dropped")  # type: ignore[misc]
             assert each.base.commands == taken
             assert abs(each.speed) < 1e-3

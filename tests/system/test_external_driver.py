@@ -109,7 +109,7 @@ def test_it_drives_and_its_silence_stops_the_robot(bare_fleet: CommandLine, node
 
 def test_any_user_of_the_machine_may_drive_this_fleet_and_is_told_so(bare_fleet: CommandLine, node: Node) -> None:
     truth = GroundTruthRecorder(node, "tb3_0")
-    with run_as_other_user(f"tcp/127.0.0.1:{bare_fleet.port}") as program:
+    with run_as_other_user(f"tcp/127.0.0.1:{bare_fleet.port}", within=WITHIN_S) as program:
         assert program.stdout is not None
         assert program.stdout.readline() == "heard tb3_0/base_footprint\n"
         wait_until(
@@ -143,7 +143,7 @@ def drive(
     """
     sent = 0
     for _ in range(TRIES):
-        node.call(RESET_WORLD, Empty())
+        node.call(RESET_WORLD, Empty(), WITHIN_S)
         before, lost = bases.wait_next(), truth.source.lost
         truth.wait_next()
         begin = len(truth.received()) - 1
@@ -166,7 +166,7 @@ def run(bare_fleet: CommandLine) -> str:
         cwd=bare_fleet.folder,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -35,6 +35,20 @@ name = "r"
 model = "burger"
 services = [{ kind = "waypoint", parameters = { goals = [[1.0, 0.0], [1.0, 0.5], [0.2, 0.5]] } }]
 """
+GATE = """
+from pathlib import Path
+
+from services.runtime import main
+
+
+def run(ctx):
+    for _ in ctx.ticks():
+        while not Path({file!r}).exists():
+            ctx.idle()
+
+
+main(run, name="gate", about="Holds time at its first tick until a file exists.", rate=25)
+"""
 WAYPOINT, SIM = "/r/waypoint", "/sim"
 START_S, RUN_S = 60.0, 150.0
 FAR = 2**62
@@ -47,8 +61,9 @@ EVERY = 25
 class Forger:
     """An intruder in a fleet, which sees all tokens and heartbeats and may send anything."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, gate: Path) -> None:
         self.session, self.own = session, str(session.zid())
+        self.gate = gate
         self.beats: dict[str, Health] = {}
         self.clocks = 0
         self._tokens: list[Any] = []
@@ -65,7 +80,7 @@ class Forger:
 
     def sessions(self, kind: str) -> dict[str, str]:
         """Return the session of each node with a token of this kind, except the forger's own."""
-        keys = [str(reply.ok.key_expr) for reply in self.session.liveliness().get(EVERYTHING, timeout=5.0) if reply.ok]
+        keys = [str(reply.ok.key_expr) for reply in self.session.liveliness().get(EVERYTHING, timeout=30.0) if reply.ok]
         found = [entity for entity in map(Entity.parse, keys) if entity is not None]
         return {each.node: each.session for each in found if each.kind == kind and each.session != self.own}
 
@@ -86,6 +101,15 @@ class Forger:
         """Send a request, as any tool may."""
         (reply,) = self.session.get(key, payload=msgpack.packb(request), timeout=30.0)
         assert reply.ok, reply.err
+
+    def begin_paused(self) -> None:
+        """Pause time before its first tick has passed: however slow this process is, the run does not end before."""
+        members = {WAYPOINT, "/grader", "/params", "/gate"}
+        wait_until(lambda: members <= self.sessions("step").keys(), START_S, "the members")
+        wait_until(lambda: SIM in self.sessions("node"), START_S, "the simulation")
+        payload = msgpack.packb({})
+        wait_until(lambda: [*self.session.get("sim/pause", payload=payload, timeout=60.0)], START_S, "a pause")
+        self.gate.touch()
 
     def await_health(self, nodes: set[str]) -> None:
         """Wait for another heartbeat of each node."""
@@ -141,8 +165,10 @@ def run(
     folder: Path, name: str, disturb: Callable[[Forger, Callable[[], bool]], None], laps: int = 1
 ) -> tuple[int, Any, str]:
     """Run a fleet with an intruder; return exit status, report, and all logs."""
-    terminal = CommandLine(folder)
-    (folder / f"{name}.toml").write_text(FLEET.replace("goals = [[", f"laps = {laps}, goals = [["))
+    terminal, gate = CommandLine(folder), folder / f"{name}.begin"
+    (folder / f"{name}.py").write_text(GATE.format(file=str(gate)))
+    fleet = FLEET.replace("goals = [[", f"laps = {laps}, goals = [[")
+    (folder / f"{name}.toml").write_text(f'{fleet}[[service]]\nkind = "{name}.py"\n')
     results = folder / name
     arguments = [
         "up",
@@ -159,7 +185,7 @@ def run(
     try:
         wait_until(lambda: up.poll() is not None or _listens(terminal.port), START_S, "the router")
         with external_client(router_endpoint(terminal.port)) as session:
-            disturb(Forger(session), lambda: up.poll() is None)
+            disturb(Forger(session, gate), lambda: up.poll() is None)
         out, err = up.communicate(timeout=RUN_S)
     finally:
         up.kill()
@@ -177,7 +203,7 @@ def _listens(port: int) -> bool:
 
 
 def _nothing(forger: Forger, runs: Callable[[], bool]) -> None:
-    pass
+    forger.gate.touch()
 
 
 def test_what_strangers_say_changes_nothing_and_is_counted(tmp_path: Path) -> None:
@@ -185,11 +211,10 @@ def test_what_strangers_say_changes_nothing_and_is_counted(tmp_path: Path) -> No
 
     def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
         nonlocal rounds
-        wait_until(lambda: {WAYPOINT, "/grader", "/params"} <= forger.sessions("step").keys(), START_S, "the members")
+        # Until the health reports the rejections, time advances only on request.
+        forger.begin_paused()
         sim = forger.sessions("node")[SIM]
-        members = forger.sessions("step")
-        # Until the health reports the rejections, time advances only on request, however fast the machine is.
-        forger.ask("sim/pause", {})
+        members = {node: session for node, session in forger.sessions("step").items() if node != "/gate"}
         while not all(forger.refused(node, name) for node, name in REFUSED):
             forger.attack(sim, members)
             rounds += 1
@@ -218,9 +243,8 @@ def test_what_strangers_say_changes_nothing_and_is_counted(tmp_path: Path) -> No
 
 def test_a_member_that_dies_makes_the_report_say_so(tmp_path: Path) -> None:
     def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
-        wait_until(lambda: forger.clocks > EVERY, START_S, "time to go on")
-        # However slow this process is, the run doesn't end before the kill.
-        forger.ask("sim/pause", {})
+        forger.begin_paused()
+        forger.ask("sim/step", {"count": 4 * EVERY})
         state = json.loads((tmp_path / "killed" / "processes.json").read_text())
         (pid,) = (each["pid"] for each in state["processes"] if each["name"] == WAYPOINT.strip("/"))
         psutil.Process(pid).send_signal(signal.SIGKILL)

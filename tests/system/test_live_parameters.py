@@ -28,7 +28,7 @@ from tests.harness.command_line import CommandLine
 from tests.harness.ports import free_port
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
-from tests.system.parameter_client import ParameterClient, parameter_client
+from tests.system.parameter_client import WITHIN_S, ParameterClient, parameter_client
 
 PILOT, BASE, SQUARE, JOINTS = "/r/waypoint", "/r/base", "/s/square", "/arm/joints"
 
@@ -108,7 +108,7 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
         t.wait_for_speed(0.15)
 
         # A restarted service gets the values of its run; a restarted parameter service gets them from the services.
-        t.node.call(SUPERVISOR_RESTART, Name(name="r/waypoint"))
+        t.node.call(SUPERVISOR_RESTART, Name(name="r/waypoint"), WITHIN_S)
         wait_until(lambda: "max_linear = 0.15 (run)" in log(results), 30)
         t.wait_for_speed(0.15)
         psutil.Process(processes(results)["params"]).send_signal(signal.SIGKILL)
@@ -132,7 +132,7 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
                 t.set(BASE, **wrong)
         t.set(BASE, linear__max_deceleration=0.0)
         t.wait_for(BASE, **{"linear.max_deceleration": (None, "default")})
-        newest = t.node.call(PARAMS_HISTORY, HistoryOf(set=BASE, limit=1)).changes[0]
+        newest = t.node.call(PARAMS_HISTORY, HistoryOf(set=BASE, limit=1), WITHIN_S).changes[0]
         assert newest.kind == "undo"
         assert "could never change its speed" in newest.who
         t.node.advertise(UPDATES, f"{PILOT}/parameter_updates").publish(
@@ -141,11 +141,11 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
         wait_until(lambda: t.rejected_samples(PILOT, f"{PILOT}/parameter_updates"), 10)
 
         # A base's values have one owner, whichever request changes them.
-        t.node.call(SET_DRIVE, DriveSettings(name="r", wheel_separation_multiplier=1.1))
-        assert t.get(BASE)["wheel_separation_multiplier"] == (1.1, "run")
+        t.node.call(SET_DRIVE, DriveSettings(name="r", wheel_separation_multiplier=1.1), WITHIN_S)
+        t.wait_for(BASE, wheel_separation_multiplier=(1.1, "run"))
         t.set(BASE, run=True, wheel_separation_multiplier=1.2)
         wait_until(
-            lambda: t.node.call(SET_DRIVE, DriveSettings(name="r")).wheel_separation_multiplier == 1.2,
+            lambda: t.node.call(SET_DRIVE, DriveSettings(name="r"), WITHIN_S).wheel_separation_multiplier == 1.2,
             10,
             "the base's multiplier",
         )
@@ -161,9 +161,9 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Com
         assert t.get(JOINTS)["damping"] == (0.0, "default")
         t.set(JOINTS, run=True, damping=5.0, effort_mode="sum")
         asked = JointName(model="arm", joint_name="bear_link")
-        wait_until(lambda: t.node.call(JOINT_PROPERTIES, asked).damping == 5.0, 10, "damping of the joint")
+        wait_until(lambda: t.node.call(JOINT_PROPERTIES, asked, WITHIN_S).damping == 5.0, 10, "damping of the joint")
         t.set("/sim", run=True, factor=0.25)
-        wait_until(lambda: t.node.call(WORLD_PROPERTIES, Empty()).factor == 0.25, 10, "the factor of time")
+        wait_until(lambda: t.node.call(WORLD_PROPERTIES, Empty(), WITHIN_S).factor == 0.25, 10, "the factor of time")
         assert t.wall_time_of(0.2) > 0.15 / 0.25, "four seconds of the wall for one of the simulation"
     refused = terminal.finish(second)
     assert refused.status == 2

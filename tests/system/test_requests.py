@@ -34,9 +34,9 @@ def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 @pytest.fixture
 def paused(running: TwoRobotSimulation) -> Iterator[SimTime]:
     """Pause time during the test."""
-    stopped = running.node.call(PAUSE, Empty())
+    stopped = running.call(PAUSE, Empty())
     yield stopped
-    running.node.call(RESUME, Empty())
+    running.call(RESUME, Empty())
 
 
 def test_pause_stops_the_clock(running: TwoRobotSimulation, paused: SimTime) -> None:
@@ -46,30 +46,30 @@ def test_pause_stops_the_clock(running: TwoRobotSimulation, paused: SimTime) -> 
     assert (tick.clock.ns, tick.tick, tick.epoch) == (paused.time, paused.tick, paused.epoch)
     wait_until(lambda: running.health("/sim").state == "paused", WITHIN_S, "a sim that says that it is paused")
     wait_until(lambda: running.health("/reset_monitor").state == "paused", WITHIN_S, "a controller that says so")
-    assert running.node.call(PAUSE, Empty()) == paused
+    assert running.call(PAUSE, Empty()) == paused
 
 
 @pytest.mark.parametrize("count", [1, 7, 400])
 def test_steps_are_exact(running: TwoRobotSimulation, paused: SimTime, count: int) -> None:
-    stepped = running.node.call(STEP, Steps(count=count), WITHIN_S)
+    stepped = running.call(STEP, Steps(count=count))
     assert stepped.tick == paused.tick + count
     assert stepped.time == paused.time + count * STEP_NS
-    assert running.node.call(PAUSE, Empty()) == stepped
+    assert running.call(PAUSE, Empty()) == stepped
 
 
 def test_steps_need_a_pause_and_a_number(running: TwoRobotSimulation, paused: SimTime) -> None:
     with pytest.raises(CallFailed, match="count"):
-        running.node.call(STEP, Steps(count=0))
-    running.node.call(RESUME, Empty())
+        running.call(STEP, Steps(count=0))
+    running.call(RESUME, Empty())
     with pytest.raises(CallFailed, match="time is running: pause it"):
-        running.node.call(STEP, Steps(count=1))
+        running.call(STEP, Steps(count=1))
 
 
 def test_resume_goes_on_from_where_time_stood(running: TwoRobotSimulation) -> None:
-    stopped = running.node.call(PAUSE, Empty())
+    stopped = running.call(PAUSE, Empty())
     clock = MessageRecorder(running.node.subscribe(CLOCK))
     clock.wait_next()
-    assert running.node.call(RESUME, Empty()).time == stopped.time
+    assert running.call(RESUME, Empty()).time == stopped.time
     wait_until(lambda: not clock.wait_next().paused, WITHIN_S, "a clock that goes")
     first = next(each for each in clock.received() if not each.paused and each.clock.ns >= stopped.time)
     assert first.clock.ns - stopped.time <= 8 * STEP_NS
@@ -78,25 +78,25 @@ def test_resume_goes_on_from_where_time_stood(running: TwoRobotSimulation) -> No
 
 def test_a_state_is_set_and_told(running: TwoRobotSimulation, paused: SimTime) -> None:
     asked = SetModelState(name="tb3_0", pose=Pose.planar(2.0, -1.0, 0.5), twist=Twist.planar(0.1, 0.0))
-    told = running.node.call(SET_STATE, asked)
-    assert told == running.node.call(GET_STATE, Name(name="tb3_0"))
+    told = running.call(SET_STATE, asked)
+    assert told == running.call(GET_STATE, Name(name="tb3_0"))
     assert told.pose.position.x == pytest.approx(2.0, abs=1e-9)
     assert told.pose.position.y == pytest.approx(-1.0, abs=1e-9)
     assert told.pose.orientation.yaw == pytest.approx(0.5, abs=1e-9)
     assert told.twist.linear.x == pytest.approx(0.1, abs=1e-9)
-    models = running.node.call(LIST, Empty()).models
+    models = running.call(LIST, Empty()).models
     assert models[0] == told
     assert [(each.name, each.model) for each in models] == [(name, "burger") for name in STARTS]
-    running.node.call(RESET_WORLD, Empty())
+    running.call(RESET_WORLD, Empty())
 
 
 def test_reset_begins_a_new_epoch(running: TwoRobotSimulation) -> None:
     away(running)
-    before = running.node.call(PAUSE, Empty())
-    reset = running.node.call(RESET, Empty())
+    before = running.call(PAUSE, Empty())
+    reset = running.call(RESET, Empty())
     assert reset == SimTime(time=0, tick=0, epoch=before.epoch + 1)
-    home(running.node.call(LIST, Empty()))
-    running.node.call(RESUME, Empty())
+    home(running.call(LIST, Empty()))
+    running.call(RESUME, Empty())
     truth = running.truth["tb3_0"]
     wait_until(lambda: truth.wait_next().header.stamp.ns < before.time, WITHIN_S, "ground truth of the new epoch")
     truth.wait_until_still()
@@ -109,19 +109,19 @@ def test_reset_begins_a_new_epoch(running: TwoRobotSimulation) -> None:
 
 def test_reset_world_keeps_time(running: TwoRobotSimulation) -> None:
     away(running)
-    before = running.node.call(PAUSE, Empty())
-    after = running.node.call(RESET_WORLD, Empty())
+    before = running.call(PAUSE, Empty())
+    after = running.call(RESET_WORLD, Empty())
     assert after == before
-    home(running.node.call(LIST, Empty()))
-    running.node.call(RESUME, Empty())
+    home(running.call(LIST, Empty()))
+    running.call(RESUME, Empty())
     running.truth["tb3_0"].wait_until_still()
 
 
 def test_what_is_deleted_is_gone(running: TwoRobotSimulation) -> None:
-    assert running.node.call(DELETE, Name(name="tb3_1")).text == "deleted tb3_1"
-    assert [each.name for each in running.node.call(LIST, Empty()).models] == ["tb3_0"]
+    assert running.call(DELETE, Name(name="tb3_1")).text == "deleted tb3_1"
+    assert [each.name for each in running.call(LIST, Empty()).models] == ["tb3_0"]
     with pytest.raises(CallFailed, match=r"unknown model 'tb3_1'; did you mean 'tb3_0'"):
-        running.node.call(GET_STATE, Name(name="tb3_1"))
+        running.call(GET_STATE, Name(name="tb3_1"))
     assert not [each for each in running.health("/sim").outputs if each.topic.startswith("/tb3_1/")]
     running.truth["tb3_0"].wait_after(0.1)
 

@@ -142,7 +142,7 @@ def test_the_tools_work_on_each_node(terminal: CommandLine) -> None:
         assert changed.status == 0, changed.err
         values = [terminal.run("param", "get", f"/tb3_{n}/waypoint/max_linear").out.split()[0] for n in (0, 1)]
         assert values[1] == "0.1" != values[0]
-        assert terminal.run("node", "ping", "-n", "1", "/tb3_1/waypoint").status == 0
+        assert terminal.run("node", "ping", "-n", "1", "--timeout", "60", "/tb3_1/waypoint").status == 0
         info = json.loads(terminal.run("node", "info", "/tb3_1/waypoint", "--json").out)
         assert info["health"]["pid"] == process["pid"]
         assert [each["topic"] for each in info["publishers"]] > ["/health"]

@@ -52,7 +52,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimula
         for model, (x, y) in PLACES.items():
             exact = () if model == "p3dx" else (Assignment(name="odometry", value="world"),)
             asked = SpawnModel(name=model, model=model, pose=Pose.planar(x, y, 1.0), parameters=exact)
-            state = made.node.call(SPAWN, asked)
+            state = made.call(SPAWN, asked)
             assert (state.name, state.model) == (model, model)
             assert state.pose.orientation.yaw == pytest.approx(1.0, abs=1e-9)
         yield made
@@ -133,6 +133,7 @@ def test_frames_compose_to_ground_truth(running: TwoRobotSimulation, name: str) 
         WITHIN_S,
         "fixed frames",
     )
+    moving.wait_next()
     start = truth.wait_next()
 
     def turned() -> bool:
@@ -181,9 +182,7 @@ def test_who_comes_late_gets_what_is_latched(running: TwoRobotSimulation) -> Non
 
 
 def test_frames_go_with_their_robot(running: TwoRobotSimulation) -> None:
-    running.node.call(
-        SPAWN, SpawnModel(name="guest", model="burger", pose=Pose.planar(-3.0, 0.0), namespace="visit/one")
-    )
+    running.call(SPAWN, SpawnModel(name="guest", model="burger", pose=Pose.planar(-3.0, 0.0), namespace="visit/one"))
     fixed = running.tf_static
     wait_until(
         lambda: fixed.received() and "guest/odom" in frames_by_name(fixed.received()[-1]),
@@ -192,7 +191,7 @@ def test_frames_go_with_their_robot(running: TwoRobotSimulation) -> None:
     )
     truth = MessageRecorder(running.node.subscribe(GROUND_TRUTH, "/visit/one/ground_truth"))
     assert truth.wait_next().child_frame_id == "guest/base_footprint"
-    running.node.call(DELETE, Name(name="guest"))
+    running.call(DELETE, Name(name="guest"))
     wait_until(lambda: "guest/odom" not in frames_by_name(fixed.received()[-1]), WITHIN_S, "no frames of the guest")
 
 

@@ -36,6 +36,8 @@ SHORT = {"side": 0.5, "angular_speed": 1.5}
 """The square in MuJoCo: 22 s of simulation time, instead of 38 s."""
 PATIENCE_S = 5.0
 """Command time-out [s] of a base that its square must stop: long enough that a busy machine doesn't trigger it."""
+LATE_S = 3.0
+"""Time [s] by which a square may notice late that it has no odometry, on a busy machine; well below PATIENCE_S."""
 
 
 class Run:
@@ -202,13 +204,15 @@ def pioneer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pioneer]:
 def test_sigint_stops_the_robot_and_leaves_a_whole_log(pioneer: Pioneer, tmp_path: Path) -> None:
     log = tmp_path / "mine.csv"
     square = pioneer.square(log=str(log))
-    pioneer.until_cruising()
+    cruising = pioneer.until_cruising()
+    wait_until(lambda: len(log.read_text().splitlines()) > 5, WITHIN_S, "rows in its log")
     square.signal(signal.SIGINT)
     assert square.wait() == 0, square.text
     before = pioneer.truth.received()[-1]
-    moving = [each for each in pioneer.truth.received() if speed(each) > 0.199][-1]
-    rest = pioneer.until_rest(moving)
-    assert pioneer.commands.received()[-1] == STOP
+    rest = pioneer.until_rest(cruising)
+    driven = [each for each in pioneer.truth.received() if time_of(each) < time_of(rest)]
+    moving = [each for each in driven if speed(each) > 0.199][-1]
+    wait_until(lambda: pioneer.commands.received()[-1] == STOP, WITHIN_S, "its last command")
     assert time_of(rest) - time_of(moving) < 0.2 / 0.3 + 0.1
     assert distance(rest, moving) < 0.2**2 / 0.6 + 0.02
     later = pioneer.truth.wait_after(0.5)
@@ -241,13 +245,13 @@ def test_loss_of_odometry_stops_the_robot_until_it_is_back(pioneer: Pioneer) -> 
     wait_until(cruising, WITHIN_S, "0.2 m/s")
     last = source.received()[passed - 1]
     rest = pioneer.until_rest(last)
-    assert 0.5 < time_of(rest) - time_of(last) < 0.5 + 0.2 / 0.3 + 0.3
+    assert 0.5 < time_of(rest) - time_of(last) < 0.5 + 0.2 / 0.3 + LATE_S
     wait_until(lambda: pioneer.status.received()[-1].state == "waiting", WITHIN_S, "the square's word")
     wait_until(lambda: "no odometry on /RosAria/odom" in square.text, WITHIN_S, "its complaint")
     assert distance(rest, pioneer.truth.wait_after(0.5)) < 1e-3
     passed = len(source.received())
     wait_until(cruising, WITHIN_S, "0.2 m/s again")
-    assert pioneer.status.received()[-1].state == "driving"
+    wait_until(lambda: pioneer.status.received()[-1].state == "driving", WITHIN_S, "the square's word that it drives")
     assert square.status is None
     square.stop()
 
@@ -263,7 +267,7 @@ def test_a_log_that_cannot_be_written_is_told_before_anything_moves(pioneer: Pio
     for log in ("missing/square.csv", "."):
         with case(log):
             square = pioneer.network.start("square", "--param", f"log={tmp_path / log}")
-            assert square.wait(20.0) == 2
+            assert square.wait() == 2
             assert f"the log {tmp_path / log}".removesuffix("/.") in square.text
             assert "choose another path with the parameter log" in square.text
             assert "Traceback" not in square.text

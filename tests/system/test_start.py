@@ -109,8 +109,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Run]
     late, stuck = '{ kind = "late.py" }', '{ kind = "stuck.py" }'
     required = '{ kind = "stuck.py", required = true }'
     begun = {
-        **{f"stuck {mode}": Run(folder / f"stuck_{mode}", mode, stuck, 6) for mode in MODES},
-        **{f"late {mode}": Run(folder / f"late_{mode}", mode, late, 60, more=CHANGES, factor=0.2) for mode in MODES},
+        **{f"stuck {mode}": Run(folder / f"stuck_{mode}", mode, stuck, 12) for mode in MODES},
+        **{f"late {mode}": Run(folder / f"late_{mode}", mode, late, 60, more=CHANGES, factor=0.1) for mode in MODES},
         "required": Run(folder / "required", "real", required, 1),
     }
     yield begun
@@ -124,7 +124,7 @@ def test_time_begins_when_the_last_node_is_ready_and_a_change_that_is_refused_fa
     for mode in MODES:
         ended, report, logs = runs[f"late {mode}"].end()
         first = float(logs.partition("/late: tick at ")[2].partition(" ")[0])
-        # Real time doesn't wait for a node that a busy machine holds up; half a second is 2.5 s on its clock.
+        # Real time doesn't wait for a node that a busy machine holds up; half a second is 5 s on its clock.
         assert first == 0 if mode == "lockstep" else first < 0.5, logs
         made, refused, later = report["changes"]
         assert (made["made"], made["reason"], made["values"]) == (True, "", {"speed": 0.25})

@@ -43,10 +43,12 @@ def test_a_stop_is_measured_within_five_per_cent_of_the_theory(tmp_path: Path) -
         wait_until(lambda: cruising() and time_of(truth.received()[-1]) > begun + 0.5, WITHIN_S, "a while at its speed")
         wait_until(lambda: base.wait_next().timed_out and abs(speed(truth.received()[-1])) < 1e-3, WITHIN_S, "rest")
         truth.wait_after(0.4)
+        timed_out = base.received()[-1].commands_timed_out
         grader.signal(signal.SIGINT)
         assert grader.wait() == 0, grader.text
     figures, theory = read_measurements(tmp_path).robots["p3dx"], predict_stop(SPEED, TIMEOUT, BRAKE)
-    assert (figures.stops, figures.commands_timed_out) == (1, 1)
+    # More than one if this process stood still while it drove.
+    assert 1 <= figures.stops <= figures.commands_timed_out == timed_out
     assert figures.stop_speed == pytest.approx(SPEED, rel=0.01)
     assert figures.stop_distance_theory_m == pytest.approx(theory.distance, rel=0.02)
     assert figures.stop_distance_m == pytest.approx(theory.distance, rel=0.05)

@@ -5,16 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 import psutil
 
+from messages.base import Message
 from messages.elea import Health
+from messages.requests import Request
 from messages.topics import TF_STATIC
 from services.runtime.node import Node
 from tests.harness.health import ask_health
-from tests.harness.message_recorder import GroundTruthRecorder, MessageRecorder
+from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder
 from tests.harness.processes import Network, Process, parameter_options
 from tests.harness.waiting import wait_until
+
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
 
 RESET_MONITOR = Path(__file__).with_name("reset_monitor.py")
 FACTOR = 4
@@ -33,6 +39,10 @@ class TwoRobotSimulation:
         for each in self.truth.values():
             wait_until(lambda e=each: e.received() or sim.status is not None, 30.0, "ground truth")  # type: ignore[misc]
         assert sim.status is None, sim.text
+
+    def call(self, request: Request[Q, R], message: Q) -> R:
+        """Call a request, which a busy machine may answer late."""
+        return self.node.call(request, message, WITHIN_S)
 
     def health(self, node: str) -> Health:
         """Return a node's current health."""

@@ -8,7 +8,7 @@ import signal
 import sys
 from collections import Counter
 from pathlib import Path
-from subprocess import PIPE, Popen
+from subprocess import DEVNULL, Popen
 from time import sleep
 
 import pytest
@@ -21,6 +21,8 @@ from services.bag.reader import open_bag
 from services.runtime.node import Node
 from tests.harness.background_fleet import interrupt
 from tests.harness.command_line import CommandLine
+from tests.harness.health import ask_health
+from tests.harness.message_recorder import WITHIN_S
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 from tests.services.bag.sample_bags import make_bag, make_rosbag2_bag
@@ -49,17 +51,31 @@ def test_record_takes_what_is_chosen_until_ctrl_c(network: Network, node: Node, 
     options = ("-e", "odom$", "-x", "^/w", "-o", "lap", "-d", "0.2")
     process = terminal.start("bag", "record", "/v/goal_pose", *options, "--connect", network.endpoint)
     wait_until(lambda: goal.has_subscribers and odometry.has_subscribers, 30.0, "a recorder")
-    for _ in range(60):
-        for out in (odometry, other):
-            out.publish(ODOM.record())
-        goal.publish(PoseStamped())
-        sleep(0.01)
+    sent = 0
+
+    def received() -> bool:
+        counts = {each.topic: each.received for each in ask_health(node.transport, "/recorder").inputs}
+        return counts.get("/v/goal_pose") == counts.get("/v/odom") == sent
+
+    def record() -> bool:
+        """Publish some messages, wait for the recorder to receive them, and return whether there are three files."""
+        nonlocal sent
+        for _ in range(10):
+            for out in (odometry, other):
+                out.publish(ODOM.record())
+            goal.publish(PoseStamped())
+            sent += 1
+            sleep(0.01)
+        wait_until(received, WITHIN_S, "all messages in the recorder")
+        return len(list((tmp_path / "lap").glob("*.mcap"))) >= 3
+
+    wait_until(record, WITHIN_S, "a new file each 0.2 s")
     ended = interrupt(process)
     assert ended.status == 0, ended.err
     told = json.loads(terminal.run("bag", "info", "lap", "--json").out)
-    assert {each["topic"]: each["messages"] for each in told["topics"]} == {"/v/goal_pose": 60, "/v/odom": 60}
-    assert len(told["files"]) >= 3, "a new one each 0.2 s"
-    assert "recorded 120 messages of 2 topics" in ended.err
+    assert {each["topic"]: each["messages"] for each in told["topics"]} == {"/v/goal_pose": sent, "/v/odom": sent}
+    assert len(told["files"]) >= 3
+    assert f"recorded {2 * sent} messages of 2 topics" in ended.err
     node.unregister(goal, odometry, other)
 
 
@@ -67,31 +83,32 @@ def test_record_on_a_full_disk_tells_what_is_missing(network: Network, node: Nod
     """A file size limit of 128 kB makes the kernel fail writes as on a full disk, without affecting other processes."""
     out = node.advertise(ROBOT_DESCRIPTION, "/full/robot_description")
     record = f"{sys.executable} -P -m deploy bag record /full/robot_description -o full --connect {network.endpoint}"
-    terminal = CommandLine(tmp_path)
-    process = Popen(
-        ["bash", "-c", f"ulimit -f 128; exec {record}"],
-        env=terminal.environment,
-        cwd=tmp_path,
-        stdout=PIPE,
-        stderr=PIPE,
-        text=True,
-    )
+    log, sent = tmp_path / "log", 0
+
+    def failed() -> bool:
+        nonlocal sent
+        assert process.poll() is None, log.read_text()
+        out.publish(String(data=os.urandom(500).hex()))
+        sent += 1
+        return "the recording cannot be written (File too large)" in log.read_text()
+
+    with log.open("w") as err:
+        process = Popen(
+            ["bash", "-c", f"ulimit -f 128; exec {record}"],
+            env=CommandLine(tmp_path).environment,
+            cwd=tmp_path,
+            stdout=DEVNULL,
+            stderr=err,
+        )
     try:
-        sent = 0
-        while not (tmp_path / "full").exists() or sent < 500:
-            out.publish(String(data=os.urandom(500).hex()))
-            sent += (tmp_path / "full").exists()
-            sleep(0.005)
-            assert process.poll() is None
+        wait_until(failed, WITHIN_S, "a disk that is full")
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
+        assert process.wait(120) == 1, log.read_text()
     finally:
         process.kill()
-    assert process.returncode == 1, err
-    assert "the recording cannot be written (File too large)" in err
-    assert "messages are missing from" in err
+    assert "messages are missing from" in log.read_text()
     kept = Counter(each.channel.topic for each in open_bag(tmp_path / "full").entries())
-    assert 0 < kept["/full/robot_description"] < 500
+    assert 0 < kept["/full/robot_description"] < sent
     node.unregister(out)
 
 

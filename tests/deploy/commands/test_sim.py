@@ -27,7 +27,7 @@ class SimCommandLine:
 
     def run(self, *words: str) -> subprocess.CompletedProcess[str]:
         """Run ``elea sim WORDS``."""
-        return run_verb("sim", *words, "--connect", self._endpoint)
+        return run_verb("sim", *words, "--timeout", "60", "--connect", self._endpoint, within=180.0)
 
     def output(self, *words: str) -> str:
         """Run it, assert success, and return its output."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.harness.background_fleet import BURGER, background_fleet
+from tests.harness.waiting import wait_until
 from tests.ros1.script_fleets import HERE
 
 SERVER = HERE / "workspaces/arm_course/src/arm_parameters/scripts/server.py"
@@ -55,6 +56,8 @@ def test_it_reads_and_changes_values_as_in_ros(tmp_path: Path) -> None:
             values = VALUES.format(kind=kind, gain=gain)
             return f"{{{values}, 'groups': {{{GROUPS}, {_sorted_by_place(kind, gain)}}}}}\n"
 
+        # A node of ROS 1 is ready before its servers are.
+        wait_until(lambda: "/arm_parameters\n" in dynparam("list"), 60.0, "the server")
         assert dynparam("list") == "/arm_parameters\n"
         assert dynparam("get", "arm_parameters") == shown(0, 8.0)
         dynparam("set", "/arm_parameters", "reference_type", "1")

@@ -87,7 +87,7 @@ def test_all_end_with_a_required_one_and_by_ctrl_c(tmp_path: Path) -> None:
     thread.start()
     assert Programs([program(waits)]).run() == 130
     thread.join()
-    assert time.monotonic() - begun < 30
+    assert time.monotonic() - begun < 60
     _assert_ended(pid)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from math import inf
+from typing import Any
 
 import pytest
 
@@ -13,6 +15,7 @@ from deploy.live.message_builder import MessageBuilder
 from deploy.live.publish import PublishRequest
 from deploy.live.subscribers import ClockSubscriber
 from messages.names import Identity
+from messages.nav import Odometry
 from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, E_STOP, GOAL_POSE
 from services.runtime.light_node import LightNode
 from services.runtime.log import Log
@@ -23,7 +26,7 @@ from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
 from tests.harness.memory_node import ManualClock
-from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, speed
+from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, speed, time_of
 from tests.harness.waiting import wait_until
 
 TWIST = "{linear: {x: 0.1}}"
@@ -62,26 +65,39 @@ def test_while_time_is_paused_one_message_is_sent_and_the_note_tells_of_those_he
         assert ("no more is published" in capsys.readouterr().err) is held
 
 
+def longest_drive(samples: list[Odometry]) -> float:
+    """Return the longest simulation time [s] in which a robot drove without a pause."""
+    longest, began = 0.0, inf
+    for each in samples:
+        began = min(began, time_of(each)) if speed(each) > 0.09 else inf
+        longest = max(longest, time_of(each) - began)
+    return longest
+
+
 def test_a_robot_drives_until_it_ends(running: BackgroundFleet, node: Node) -> None:
+    """The base stops while a busy machine lets the command pause: one second without a pause is waited for."""
     truth, status = (
         GroundTruthRecorder(node, "tb3_0"),
         MessageRecorder(node.subscribe(BASE_STATUS, "/tb3_0/base_status")),
     )
     with running.start("topic", "pub", "/tb3_0/cmd_vel", TWIST) as process:
         wait_until(lambda: speed(truth.wait_next()) > 0.099, WITHIN_S, "a robot that drives")
-        began = len(truth.received())
-        truth.wait_after(1.0)
-        driven = [speed(each) for each in truth.received()[began:]]
-        assert sum(driven) / len(driven) > 0.09
-        assert status.wait_next().source.startswith("/_pub_")
-        [publisher] = running.run_json("topic", "info", "-v", "/tb3_0/cmd_vel")["publishers"]
+        wait_until(lambda: longest_drive(truth.received()) >= 1.0, WITHIN_S, "a robot that goes on")
+        wait_until(lambda: status.wait_next().source.startswith("/_pub_"), WITHIN_S, "a status with the source")
+
+        def heard() -> Any:
+            """Return the publisher, unless it was silent while the command listened."""
+            [found] = running.run_json("topic", "info", "-v", "/tb3_0/cmd_vel")["publishers"]
+            return None if found["hz"] is None else found
+
+        publisher = wait_until(heard, WITHIN_S, "a publisher that is heard")
         assert publisher["node"].startswith("/_pub_")
         assert 0 < publisher["hz"] < 26, "the promised rate is 25; a busy machine may miss some"
         ended = interrupt(process)
     assert ended.status == 0
     assert ended.out.startswith("publishing #1: {linear: {x: 0.1, y: 0.0, z: 0.0}, angular: ")
     truth.wait_until_still()
-    assert status.wait_next().source == ""
+    wait_until(lambda: status.wait_next().source == "", WITHIN_S, "a status without a source")
 
 
 def test_times_and_rate_by_simulation_time(running: BackgroundFleet, node: Node) -> None:
@@ -98,15 +114,16 @@ def test_times_and_rate_by_simulation_time(running: BackgroundFleet, node: Node)
 
 
 def test_rate_by_the_wall_clock(running: BackgroundFleet) -> None:
+    """The span may be six periods short: held up before it stamps the first message, the command catches up on them."""
     began = time.monotonic()
     with running.start("topic", "hz", "-n", "41", "tb3_1/cmd_vel", "--json") as measuring:
         wait_until(lambda: "/_hz_" in running.run("node", "list", "-a").out, WITHIN_S, "the meter in the graph")
         running.run("topic", "pub", "-q", "--wall-time", "-r", "40", "-t", "41", "-w", "2", "tb3_1/cmd_vel", "{}")
-        out, _ = measuring.communicate(timeout=30)
+        out = running.command_line.finish(measuring).out
     assert time.monotonic() - began > 1.0
     last = json.loads(out.splitlines()[-1])
     assert (last["received"], last["lost"]) == (41, 0)
-    assert last["wall"]["span"] >= 0.99
+    assert last["wall"]["span"] >= 0.8
 
 
 def test_once_reaches_who_is_there(running: BackgroundFleet, node: Node) -> None:
@@ -116,6 +133,7 @@ def test_once_reaches_who_is_there(running: BackgroundFleet, node: Node) -> None
     for wanted in (True, False, True, False):
         running.run("topic", "pub", "--once", "-q", "tb3_0/e_stop", str(wanted).lower())
         wait_until(lambda w=wanted: status.wait_next().e_stopped == w, WITHIN_S, "an emergency stop")  # type: ignore[misc]
+    wait_until(lambda: len(stops.received()) >= 4, WITHIN_S, "four messages")
     assert [each.data for each in stops.received()] == [True, False, True, False]
 
 
@@ -140,17 +158,17 @@ def test_headers_bear_simulation_time(running: BackgroundFleet, node: Node) -> N
     *stamped, zero = goals.received()
     times = [each.header.stamp.ns for each in stamped]
     assert before < times[0]
-    assert times[-1] < clock.wait_next().clock.ns
+    wait_until(lambda: times[-1] < clock.wait_next().clock.ns, WITHIN_S, "a clock after the last stamp")
     assert times == sorted(times)
     assert times[-1] - times[0] >= 0.38e9
     assert (zero.header.stamp.ns, zero.header.frame_id) == (0, "world")
 
 
 def test_a_new_topic_with_a_type(running: BackgroundFleet) -> None:
-    with running.start("topic", "echo", "--wait", "-n", "2", "/lab/word", "--json", "--timeout", "30") as hearing:
+    with running.start("topic", "echo", "--wait", "-n", "2", "/lab/word", "--json") as hearing:
         wait_until(lambda: "/lab/word" in running.run("topic", "list").out, WITHIN_S, "the echo in the graph")
         running.run("topic", "pub", "-t", "2", "-r", "20", "/lab/word", "std_msgs/String", "hello")
-        out, _ = hearing.communicate(timeout=30)
+        out = running.command_line.finish(hearing).out
     assert [json.loads(each) for each in out.splitlines()] == [{"data": "hello"}] * 2
     assert running.run_json_lines("topic", "pub", "-1", "-w", "0", "/lab/level", "std_msgs/Float32", "-0.5") == [
         {"data": -0.5}
@@ -158,10 +176,15 @@ def test_a_new_topic_with_a_type(running: BackgroundFleet) -> None:
 
 
 def test_waiting_for_subscribers(running: BackgroundFleet) -> None:
-    ended = running.run("topic", "pub", "-1", "tb3_0/cmd_vle", "geometry_msgs/Twist", "--timeout", "1.2", status=1)
-    assert "no subscribers to /tb3_0/cmd_vle; did you mean '/tb3_0/cmd_vel'?" in ended.err
-    assert "waiting for 1 subscriber(s) of /tb3_0/cmd_vle, 0 there (-w 0 does not wait)" in ended.err
-    assert "0 of 1 subscribers of /tb3_0/cmd_vle appeared within 1.2 s" in ended.err
+    mistyped = ("topic", "pub", "-1", "tb3_0/cmd_vle", "geometry_msgs/Twist")
+    with running.start(*mistyped) as waiting:
+        assert waiting.stderr is not None
+        near, hint = waiting.stderr.readline(), waiting.stderr.readline()
+        assert interrupt(waiting).status == 130
+    assert "no subscribers to /tb3_0/cmd_vle; did you mean '/tb3_0/cmd_vel'?" in near
+    assert "waiting for 1 subscriber(s) of /tb3_0/cmd_vle, 0 there (-w 0 does not wait)" in hint
+    ended = running.run(*mistyped, "--timeout", "0.2", status=1)
+    assert "0 of 1 subscribers of /tb3_0/cmd_vle appeared within 0.2 s" in ended.err
     assert running.run("topic", "pub", "-1", "-w", "0", "/lab/none", "std_msgs/Empty").out == "publishing #1: {}\n"
     running.run("topic", "pub", "-1", "--wait-matching", "9", "tb3_0/cmd_vel", "--timeout", "0.2", status=1)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from contextlib import ExitStack
 
 import pytest
@@ -29,7 +28,8 @@ def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet) -> None:
         for each, process in started.items():
             with case(*each):
                 assert process.stdout is not None
-                process.stdout.readline()
+                while process.stdout.readline() == "no new messages\n":
+                    pass
                 ended = interrupt(process)
                 status, last = verbs[each]
                 assert ended.status == status
@@ -39,19 +39,17 @@ def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet) -> None:
 
 @pytest.mark.parametrize("topic", ["/tb3_0/odom", "/tb3_0/robot_description"])
 def test_a_closed_pipe_ends_it_quietly(running: BackgroundFleet, topic: str) -> None:
-    """The second topic has no messages after its first."""
+    """The second topic has no messages after its first: without them, nothing else would end the command."""
     line = f"{sys.executable} -P -m deploy topic echo --flow-style {topic} | head -n 1"
-    began = time.monotonic()
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", line],
         env=running.command_line.environment,
         cwd=running.command_line.folder,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=180,
     )
     assert (done.returncode, done.stderr, done.stdout.count("\n")) == (0, "", 1)
-    assert time.monotonic() - began < 20
 
 
 def test_a_full_disk_is_told(running: BackgroundFleet) -> None:
@@ -60,20 +58,22 @@ def test_a_full_disk_is_told(running: BackgroundFleet) -> None:
         env=running.command_line.environment,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=180,
     )
     assert (done.returncode, done.stderr) == (1, "elea: the output cannot be written: No space left on device\n")
 
 
 def test_waiting_for_a_topic(running: BackgroundFleet) -> None:
-    with running.start("topic", "echo", "--wait", "--once", "/lab/later", "--timeout", "30", "--json") as waiting:
+    with running.start("topic", "echo", "--wait", "--once", "/lab/later", "--json") as waiting:
         wait_until(lambda: "/_echo_" in running.run("node", "list", "-a").out, 20.0, "the echo in the graph")
         with external_publisher(running.endpoint, "lab/later", {"a": 1}):
-            out, err = waiting.communicate(timeout=30)
-    assert json.loads(out) == {"a": 1}
-    assert "/lab/later is not published yet: waiting" in err
+            ended = running.command_line.finish(waiting)
+    assert json.loads(ended.out) == {"a": 1}
+    assert "/lab/later is not published yet: waiting" in ended.err
     silent = running.run("topic", "hz", "/tb3_0/cmd_vel", "--timeout", "1", status=1)
     assert "no message arrived on /tb3_0/cmd_vel within 1 s" in silent.err
+    silent = running.run("topic", "echo", "--wait", "--once", "/lab/silent", "--timeout", "0.5", status=1)
+    assert "0 messages arrived on /lab/silent within 0.5 s" in silent.err
 
 
 def test_a_topic_that_is_not_there(running: BackgroundFleet) -> None:

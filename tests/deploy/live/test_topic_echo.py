@@ -11,15 +11,17 @@ from typing import Any
 import pytest
 
 from deploy.live import echo as topic_echo
+from deploy.live import topics
 from deploy.live.echo import EchoFormat, EchoRequest
 from messages.base import encode
 from messages.std import Float64
 from messages.topics import Quality
 from models.yaml_reader import read_yaml
+from services.runtime.errors import BadInput
 from services.runtime.light_node import LightNode
 from services.runtime.network_address import NetworkAddress
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
-from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_publisher
+from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_publisher, interrupt
 
 
 def test_echo_goes_on_after_samples_that_are_not_messagepack(
@@ -43,6 +45,23 @@ def test_echo_goes_on_after_samples_that_are_not_messagepack(
     shown = capsys.readouterr()
     assert shown.out == "data: 2.5\n---\n"
     assert "bytes that are not MessagePack are left out" in shown.err
+
+
+def test_a_topic_that_nobody_declares_is_found_by_its_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without ``--wait``, a command listens for them for a second."""
+    bus = MemoryBus()
+    live = LightNode(MemoryTransport(bus), "echo")
+    outlet = MemoryTransport(bus).advertise("lab/weather", "", Quality.SENSOR)
+    monkeypatch.setattr(topics, "spin", lambda *_: iter([None]))
+    with pytest.raises(BadInput, match="no topic /lab/weather is on the network"):
+        topics.find_topic(live, "/lab/weather")
+
+    def samples(*_: Any) -> Iterator[None]:
+        outlet.put(encode(Float64(data=2.5)), attachment=b"")
+        yield
+
+    monkeypatch.setattr(topics, "spin", samples)
+    assert topics.find_topic(live, "/lab/weather") == topics.TopicEndpoints("/lab/weather")
 
 
 def test_echo_of_a_field(running: BackgroundFleet) -> None:
@@ -105,7 +124,7 @@ def test_echo_with_what_comes_beside_the_message(running: BackgroundFleet) -> No
 
 def test_echo_of_unknown_types_and_foreign_senders(running: BackgroundFleet) -> None:
     with external_publisher(running.endpoint, "lab/weather", WEATHER, encoding="application/msgpack;lab_msgs/Weather"):
-        ended = running.run("topic", "echo", "--once", "lab/weather")
+        ended = running.run("topic", "echo", "--wait", "--once", "lab/weather")
         assert read_yaml(ended.out.removesuffix("---\n")) == {
             "temperature": 20.5,
             "wind": [1, 2],
@@ -115,15 +134,20 @@ def test_echo_of_unknown_types_and_foreign_senders(running: BackgroundFleet) -> 
         assert "an external program publishes here" in ended.err
         assert (
             "unknown field 'hail'"
-            in running.run("topic", "echo", "--once", "lab/weather", "--field", "hail", status=2).err
+            in running.run("topic", "echo", "--wait", "--once", "lab/weather", "--field", "hail", status=2).err
         )
     with external_publisher(running.endpoint, "lab/speed", {"linear": {"x": 1}}):
-        [typed] = running.run_json_lines("topic", "echo", "--once", "lab/speed", "geometry_msgs/msg/Twist")
+        [typed] = running.run_json_lines("topic", "echo", "--wait", "--once", "lab/speed", "geometry_msgs/msg/Twist")
         assert typed["angular"] == {"x": 0, "y": 0, "z": 0}
     with external_publisher(running.endpoint, "tb3_1/cmd_vel", {"linear": {"x": "fast"}}):
         ended = running.run("topic", "echo", "--once", "tb3_1/cmd_vel")
         assert read_yaml(ended.out.removesuffix("---\n")) == {"linear": {"x": "fast"}}
         assert "not geometry_msgs/Twist: subscribers refuse them" in ended.err
-    with external_publisher(running.endpoint, "lab/noise", b"\xc1\xc1"):
-        ended = running.run("topic", "echo", "--once", "lab/noise", "--timeout", "1.5", status=1)
-        assert "2 bytes that are not MessagePack" in ended.err
+    with (
+        external_publisher(running.endpoint, "lab/noise", b"\xc1\xc1"),
+        running.start("topic", "echo", "--wait", "--once", "lab/noise") as process,
+    ):
+        assert process.stderr is not None
+        assert any("2 bytes that are not MessagePack" in line for line in process.stderr)
+        ended = interrupt(process)
+        assert (ended.status, ended.out) == (130, "")

@@ -10,7 +10,7 @@ from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_pu
 def test_hz_counts_what_was_lost(running: BackgroundFleet) -> None:
     """Every fourth sequence number is missing: the rate counts all 4, not the 3 that arrive."""
     with external_publisher(running.endpoint, "lab/numbers", {"a": 1}, numbers=True):
-        *_, last = running.run_json_lines("topic", "hz", "lab/numbers", "-n", "30")
+        *_, last = running.run_json_lines("topic", "hz", "lab/numbers", "-n", "30", "--wait")
     assert last["received"] == 30
     assert 9 <= last["lost"] < 20
     assert last["wall"]["count"] == 29 + last["lost"]
@@ -37,10 +37,11 @@ def test_bw(running: BackgroundFleet) -> None:
 
 
 def test_delay(running: BackgroundFleet) -> None:
+    """A message that arrives before the clock of its own tick counts as one clock, 20 ms, younger than it is."""
     *_, last = running.run_json_lines("topic", "delay", "tb3_0/odom", "-n", "10")
-    assert 0 <= last["since_sent"]["min"] <= last["since_sent"]["mean"] <= last["since_sent"]["max"] < 5
-    assert 0 <= last["since_stamp"]["mean"] < 5
+    assert 0 <= last["since_sent"]["min"] <= last["since_sent"]["mean"] <= last["since_sent"]["max"] < 60
+    assert -0.021 < last["since_stamp"]["mean"] < 60
     assert "average delay since it was sent" in running.run("topic", "delay", "tb3_0/odom", "-n", "2").out
     with external_publisher(running.endpoint, "lab/weather", WEATHER):
-        shown = running.run("topic", "delay", "lab/weather", "-n", "2").out
+        shown = running.run("topic", "delay", "lab/weather", "-n", "2", "--wait").out
     assert "no delay since its stamp, by simulation time: the messages have no stamp" in shown

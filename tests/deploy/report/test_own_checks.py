@@ -59,7 +59,9 @@ def _run_checks(tmp_path: Path, mode: str) -> None:
     text, own = fleet.read_text(), '{ kind = "judge.py" }'
     assert "goals = [[0.3, 0]] } }]" in text
     arguments = ("up", str(fleet), "--report", str(terminal.results), "--no-view", "--no-picture", "--no-saved")
-    holds = r"holds: /r/judge.farthest_m is 0\.[23]\d*, should be at most 1: the wall is at x = 1 m\n"
+    # In real time, a judge that gets no processor may not see the end.
+    farthest = r"0\.[23]\d*" if mode == "lockstep" else r"-?[\d.e-]+"
+    holds = rf"holds: /r/judge.farthest_m is {farthest}, should be at most 1: the wall is at x = 1 m\n"
     if mode == "lockstep":
         fleet.write_text(text.replace("[[0.3, 0]] } }]", f"[[0.3, 0]] }} }}, {own}]"))
         out = terminal.run(*arguments)

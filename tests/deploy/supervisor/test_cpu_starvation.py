@@ -34,10 +34,11 @@ def test_who_waits_for_a_processor_is_told_from_who_hangs(tmp_path: Path) -> Non
         pid = starved.state_message().pid
         (tmp_path / "starve").touch()
         psutil.Process(frozen.state_message().pid).suspend()
-        await wait_until(lambda: starved.starved_for(time.monotonic()) > SILENT_S)
+        hogs = tmp_path / "hogs"
+        await wait_until(lambda: hogs.exists() and starved.starved_for(time.monotonic()) > SILENT_S)
         for _ in range(2):
             progress.on_poll([starved])
-        for hog in (tmp_path / "hogs").read_text().split():
+        for hog in hogs.read_text().split():
             os.kill(int(hog), signal.SIGKILL)
         await wait_until(lambda: starved.is_healthy(time.monotonic()))
         assert (starved.state, starved.state_message().pid) == ("ready", pid)

@@ -85,10 +85,13 @@ async def _lose_the_topic(harness: SupervisorHarness, flood: bool) -> None:
         processes, bus = supervisor.processes.values(), harness.bus
         bus.mute, bus.answers_router, bus.flooded = {"/a", "/b"}, not flood, flood
         await wait_until(
-            lambda: all(
-                heartbeat.silence(time.monotonic()) > HEARTBEAT_TIMEOUT_S + 0.5
-                for each in processes
-                for heartbeat in each._heartbeats.values()
+            lambda: (
+                bus.published[-1].note
+                and all(
+                    heartbeat.silence(time.monotonic()) > HEARTBEAT_TIMEOUT_S + 0.5
+                    for each in processes
+                    for heartbeat in each._heartbeats.values()
+                )
             )
         )
         assert ("flood" if flood else "no heartbeat of any process") in bus.published[-1].note
@@ -158,13 +161,14 @@ async def beats_of_another_life_do_not_count(harness: SupervisorHarness) -> None
 
 async def crash_loop_fails_and_leaves_the_others_alone(harness: SupervisorHarness) -> None:
     async def watch(supervisor: Supervisor) -> None:
-        await wait_until(lambda: supervisor.processes["a"].state == "failed")
-        assert supervisor.processes["b"].state == "ready"
+        a, b = (supervisor.processes[name] for name in "ab")
+        await wait_until(lambda: a.state == "failed" and b.state == "ready")
 
     outcome = await harness.play(
         watch, faulty_process("crash_at_once", "/a", policy=FAST_POLICY), faulty_process("good", "/b")
     )
     assert harness.states("a").count("starting") == 1 + FAST_POLICY.limit
+    assert harness.states("b").count("starting") == 1
     assert outcome.restarts == FAST_POLICY.limit
     assert outcome.ended == "interrupted"
     shown = next(each for each in harness.bus.published[-1].processes if each.name == "a")

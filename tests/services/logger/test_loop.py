@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -76,17 +77,25 @@ def drive_until_written(
 ) -> None:
     """Drive until the first batch is in the file: messages published during a reset aren't recorded.
 
-    Reading fails while a message is half written.
+    The file is written by a thread of the recording, which may wait for a processor.
     """
     for _ in range(100):
         drive(bench, robot, robot.time / 1e9 + 0.2, epoch)
-        try:
-            written, _ = poses(file, "tb3_0", "base_footprint", timeline)
-        except RuntimeError:
-            continue
-        if len(written):
+        end = time.monotonic() + 0.1
+        while not is_written(file, timeline):
+            if time.monotonic() > end:
+                break
+        else:
             return
     raise AssertionError("nothing was written")
+
+
+def is_written(file: Path, timeline: str) -> bool:
+    """Return whether the file has poses of a timeline; reading fails while a message is half written."""
+    try:
+        return len(poses(file, "tb3_0", "base_footprint", timeline)[0]) > 0
+    except RuntimeError:
+        return False
 
 
 def test_one_model_stands_for_all_and_wrong_counts_are_refused() -> None:

@@ -16,7 +16,7 @@ from messages.elea import BaseStatus, FleetState, ProcessState
 from messages.geometry import Pose, PoseStamped
 from messages.names import Identity
 from messages.nav import Odometry
-from messages.requests import RESET_WORLD
+from messages.requests import RESET_WORLD, WORLD_PROPERTIES
 from messages.std import Empty, Header
 from messages.topics import BASE_STATUS, FLEET_STATE, GOAL_POSE, GROUND_TRUTH
 from services.panel.address import Address, read_address
@@ -80,6 +80,7 @@ class PanelFleet:
         self.base: dict[str, BaseStatus] = {}
         self.wait(self._all_ready, START_S)
         self.wait(lambda: len(self.truth) == len(self.base) == len(self._robots))
+        wait_until(lambda: read_address(self.folder / "run" / "panel.json"), WITHIN_S, "the panel's address")
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -151,9 +152,14 @@ class PanelFleet:
             goals.publish(goal(0.0, STARTS[robot]))
             self.node.unregister(goals)
 
+    @property
+    def factor(self) -> float:
+        """The factor of time that the simulation keeps to."""
+        return self.node.call(WORLD_PROPERTIES, Empty(), WITHIN_S).factor
+
     def reset_world(self) -> None:
         """Reset all robots to their spawn poses and wait until they stand still."""
-        self.node.call(RESET_WORLD, Empty())
+        self.node.call(RESET_WORLD, Empty(), WITHIN_S)
         self.wait(lambda: all(map(self.is_standing, self._robots)))
 
     def _all_ready(self) -> bool:

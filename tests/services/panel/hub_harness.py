@@ -74,7 +74,7 @@ class HubHarness:
 
     def __init__(self, bus: MemoryBus, panel: Node, robot: FakeRobot) -> None:
         self.bus, self.robot = bus, robot
-        self.params = PanelParameters()
+        self.params = PanelParameters(deadline=30.0)  # of wall time, which a busy machine lets pass
         self.registry = PageRegistry(lambda: None, 4)
         self.hub = Hub(panel, self.registry, self.params)
         self.wall = 0.0

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import TypeVar
 
-from playwright.sync_api import Locator, Page
+from playwright.sync_api import Locator, Page, expect
 
 from tests.harness.waiting import wait_until
 
@@ -25,6 +25,30 @@ def wait_page(probe: Callable[[], T], within: float, what: str) -> T:
 def wait_text(shown: Locator, pattern: str, within: float) -> None:
     """Wait until an element's text matches a pattern; fail after ``within`` [s]."""
     wait_page(lambda: re.search(pattern, shown.text_content() or ""), within, f"{pattern} in {shown}")
+
+
+CONFIRM = """button => { button.click(); const asked = button.textContent; button.click(); return asked; }"""
+
+
+def confirm(button: Locator) -> None:
+    """Press a button that asks once more, and press it again within the 3 s for which it asks."""
+    expect(button).to_be_enabled()
+    assert button.evaluate(CONFIRM) == "Sure?"
+
+
+WATCH_NOTES = """() => {
+  const seen = [];
+  new MutationObserver((changes) => {
+    for (const { addedNodes } of changes) seen.push(...[...addedNodes].map((each) => each.textContent));
+  }).observe(document.getElementById("notes"), { childList: true });
+  return seen;
+}"""
+
+
+def watch_notes(page: Page) -> Callable[[], list[str]]:
+    """Return a function that returns the notes shown since now; the page removes each after some seconds."""
+    seen = page.evaluate_handle(WATCH_NOTES)
+    return seen.json_value
 
 
 def legend_value(page: Page, line: str) -> float | None:

@@ -192,6 +192,7 @@ def test_a_page_too_many_is_told_so_waits_and_comes_in_when_there_is_room(fleet:
     with ExitStack() as stack:
         crowd = ClientCrowd(stack, fleet.address)
         for last in (False, False, True):
+            page.goto("about:blank")  # it may have come in, and would take one of their places
             crowd.fill()
             page.goto(fleet.address.url)
             try:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -9,7 +12,7 @@ from messages.topics import CLOCK
 from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import ROBOTS, WITHIN_S, PageOpener, PanelFleet
-from tests.services.panel.page_actions import map_point, wait_page, wait_text
+from tests.services.panel.page_actions import confirm, map_point, wait_page, wait_text, watch_notes
 
 pytestmark = pytest.mark.usefixtures("anew")
 
@@ -18,11 +21,13 @@ def test_a_clicked_goal_makes_the_robot_go(fleet: PanelFleet, pages: PageOpener)
     page = pages.open("robots")
     page.click("[data-robot='/tb3_0']")
     wait_page(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
-    page.click("#goal-mode")
-    page.locator("canvas.map").click(position=map_point(page, 0.6, 0.4))
-    expect(page.locator(".note:has-text('/tb3_0 is sent to (0.60 m, 0.40 m)')")).to_be_visible()
-    fleet.wait(lambda: fleet.is_moving("/tb3_0"), what="tb3_0 sets out")
-    expect(page.locator("[data-robot='/tb3_0'] .state")).to_contain_text("driving 1 of 1")
+    with slow_time(fleet, page):  # the drive takes three seconds of simulation time, in which its state is to be seen
+        page.click("#goal-mode")
+        notes = watch_notes(page)
+        page.locator("canvas.map").click(position=map_point(page, 0.6, 0.4))
+        wait_page(lambda: "/tb3_0 is sent to (0.60 m, 0.40 m)" in notes(), WITHIN_S, "the reply")
+        fleet.wait(lambda: fleet.is_moving("/tb3_0"), what="tb3_0 sets out")
+        expect(page.locator("[data-robot='/tb3_0'] .state")).to_contain_text("driving 1 of 1")
 
     def there() -> bool:
         at = fleet.truth["/tb3_0"].pose.pose.position
@@ -30,6 +35,24 @@ def test_a_clicked_goal_makes_the_robot_go(fleet: PanelFleet, pages: PageOpener)
 
     fleet.wait(there, 2 * WITHIN_S, "tb3_0 at its goal")
     wait_text(page.locator("[data-robot='/tb3_0'] .state"), "finished", WITHIN_S)
+
+
+@contextmanager
+def slow_time(fleet: PanelFleet, page: Page) -> Iterator[None]:
+    """Have simulation time go on at an eighth of this fleet's factor during the block."""
+    set_factor(fleet, page, 0.25)
+    try:
+        yield
+    finally:
+        set_factor(fleet, page, 2.0)
+
+
+def set_factor(fleet: PanelFleet, page: Page, factor: float) -> None:
+    """Set the factor of time, and wait until the simulation keeps to it."""
+    box = page.locator("#factor-set")
+    box.fill(f"{factor:g}")
+    box.press("Enter")
+    wait_until(lambda: fleet.factor == factor, WITHIN_S, "another factor of time")
 
 
 def test_a_stop_stops_all_until_it_is_reset(fleet: PanelFleet, pages: PageOpener) -> None:
@@ -74,7 +97,7 @@ def test_a_held_key_drives_and_the_robot_stops_when_the_hand_is_gone(fleet: Pane
             else:
                 page.keyboard.down(end)
                 page.keyboard.up(key) if end == "Shift" else page.keyboard.up(end)
-            fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands")
+            fleet.wait(lambda: fleet.is_standing("/tb3_2"), what="tb3_2 stands")
             for each in (end, key) if end in ("Shift", "Meta") else (key,):
                 page.keyboard.up(each)
 
@@ -95,7 +118,7 @@ def test_a_held_key_drives_no_more_when_its_page_is_gone(fleet: PanelFleet, page
                 wait_until(lambda: session.send("Debugger.enable") and paused, what="a page that hangs")
             else:
                 page.context.close()
-            fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands")
+            fleet.wait(lambda: fleet.is_standing("/tb3_2"), what="tb3_2 stands")
             if end == "page hangs":
                 session.send("Debugger.resume")
             if end != "page closes":
@@ -134,8 +157,7 @@ def test_time_is_paused_stepped_and_reset(fleet: PanelFleet, pages: PageOpener) 
     page.click("#step")
     wait_until(lambda: clock()[0] == before + 10, WITHIN_S, "ten steps")
     epoch = clock()[1]
-    page.click("#reset")
-    page.click("#reset")
+    confirm(page.locator("#reset"))
     wait_until(lambda: clock()[1] == epoch + 1, WITHIN_S, "another epoch")
     page.click("#pause")
     wait_until(lambda: not clock()[2], WITHIN_S, "time goes on")

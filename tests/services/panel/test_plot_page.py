@@ -156,9 +156,9 @@ DRAWN = """plot => {
 """Returns how many pixel rows have a pixel in the colour of the plot's first line."""
 
 
-def complete_rows(page: Page, plot: Locator) -> list[list[float]]:
-    """Export a plot and return the values of its rows that have one of each line."""
-    rows = [row.split(",")[1:] for row in exported_csv(page, plot)[1:]]
+def complete_rows(plot: Locator) -> list[list[float]]:
+    """Return the values of a plot's CSV rows that have one of each line."""
+    rows = [row.split(",")[1:] for row in held_csv(plot)[1:]]
     return [[float(cell) for cell in row] for row in rows if "" not in row]
 
 
@@ -182,7 +182,7 @@ def test_numbers_that_only_a_script_has_a_type_for_are_drawn(
         plot = page.locator(".plot").last
         expect(plot.locator(".chip")).to_have_count(len(fields))
         wait_page(lambda: plot.evaluate(DRAWN) > 20, WITHIN_S, "a curve, which takes many rows of the picture")
-        found = wait_page(lambda: complete_rows(page, plot), WITHIN_S, "a message with all fields, the last ones too")
+        found = wait_page(lambda: complete_rows(plot), WITHIN_S, "a message with all fields, the last ones too")
         header = exported_csv(page, plot)[0]
         plot.locator("button[title='Remove this plot']").click()
     assert header == ",".join(["time [s]", *(f"/probe/reading {field}" for field in fields)])

@@ -14,7 +14,7 @@ from websockets.sync.client import ClientConnection
 from services.panel.auth import Authenticator
 from services.panel.pages import PageRegistry
 from services.panel.protocol import MAX_MESSAGE_SIZE, Subscribe
-from services.panel.server import create_app
+from services.panel.server import RateLimit, create_app
 from tests.harness.waiting import wait_until
 from tests.services.panel.server_harness import PAGE_HEADERS, TOKEN, WITHIN_S, ServerHarness, receive
 
@@ -104,11 +104,15 @@ def test_a_page_that_makes_no_sense_is_closed(panel: ServerHarness) -> None:
         assert closed(page) == 1008
 
 
-def test_a_page_that_talks_without_end_is_not_heard_out(panel: ServerHarness) -> None:
+def test_a_page_that_talks_without_end_is_not_heard_out(panel: ServerHarness, monkeypatch: pytest.MonkeyPatch) -> None:
+    pace = RateLimit()
+    assert [pace.allows(5.0 + number / 300) for number in range(210)] == [True] * 200 + [False] * 10
+    assert pace.allows(6.1), "in the next second"
+    monkeypatch.setattr("services.panel.server.MAX_MESSAGES_PER_S", 0)
     with panel.page_socket() as page:
-        for _ in range(210):
-            page.send('{"k":"release"}')
+        page.send('{"k":"release"}')
         assert "messages a second" in receive(page)["reason"]
+        assert panel.registry.drain() == []
 
 
 def test_only_so_many_pages(panel: ServerHarness) -> None:

@@ -50,7 +50,8 @@ def param_command(
     """Return a function that runs ``elea param VERB ...`` in this process."""
 
     def run(verb: str, *words: str) -> CommandResult:
-        monkeypatch.setattr(sys, "argv", ["elea", "param", verb, "--connect", service.network.endpoint, *words])
+        options = ["--connect", service.network.endpoint, "--timeout", "60"]
+        monkeypatch.setattr(sys, "argv", ["elea", "param", verb, *options, *words])
         capsys.readouterr()
         status: Any = 0
         try:

@@ -61,7 +61,7 @@ def value_dict(record: ParameterValues) -> dict[str, Any]:
 class ParameterTestClient:
     """A client for the requests of nodes and users; each is sent once, except by ``set_with_retry``."""
 
-    def __init__(self, transport: Transport, timeout: float = 5.0) -> None:
+    def __init__(self, transport: Transport, timeout: float = 60.0) -> None:
         self.transport, self.timeout = transport, timeout
 
     def announce(self, announcement: Announcement) -> ParameterValues:
@@ -74,7 +74,7 @@ class ParameterTestClient:
     def set_with_retry(self, request: str, **given: Any) -> ParameterValues:
         """Set values, retrying with the same id until there is a reply, as every node and tool does."""
         asked = SetParameters(set="/robot_control", values=assignments(**given), id=request, who="tester")
-        return call_idempotent(self.transport, PARAMS_SET, asked)
+        return call_idempotent(self.transport, PARAMS_SET, asked, 60.0)
 
     def get(self, name: str = "/robot_control") -> ParameterValues:
         return call(self.transport, PARAMS_GET, "params/get", ParameterSet(set=name), self.timeout)
@@ -93,10 +93,10 @@ class ParameterTestClient:
 
 
 @contextmanager
-def connected_client(network: Network, domain: str = "", timeout: float = 5.0) -> Iterator[ParameterTestClient]:
+def connected_client(network: Network, domain: str = "") -> Iterator[ParameterTestClient]:
     """Yield a client connected to the network."""
     with ZenohTransport(configuration("star", (network.endpoint,), domain=domain)) as transport:
-        yield ParameterTestClient(transport, timeout)
+        yield ParameterTestClient(transport)
 
 
 def start_service(network: Network, file: Path | str, *arguments: str) -> Process:

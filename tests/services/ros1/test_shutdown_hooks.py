@@ -13,7 +13,7 @@ from services.script.parameter_tree import SharedParameters
 from tests.harness.cases import case
 from tests.harness.ros1 import ros1_imports
 
-WITHIN_S = 30.0
+WITHIN_S = 60.0
 
 
 class Interrupted:

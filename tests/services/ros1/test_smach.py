@@ -16,6 +16,7 @@ from tests.harness.ros1 import ros1_imports
 def kernel() -> Iterator[ScriptKernel]:
     with ros1_imports() as made:
         import rospy
+        import smach_ros  # noqa: F401 - from here on smach logs as rospy does
 
         rospy.init_node("machines", disable_signals=True)
         yield made
@@ -30,7 +31,6 @@ def state(result: Any, outcomes: tuple[str, ...] = ("done",), **keys: Any) -> An
 
 def test_states_run_in_turn_and_hand_data_on(capfd: pytest.CaptureFixture[str]) -> None:
     import smach
-    import smach_ros  # noqa: F401 - from here on smach logs as rospy does
 
     def count(ud: Any) -> str:
         ud.total = ud.number + 1
@@ -167,11 +167,11 @@ def test_a_machine_that_is_preempted_asks_its_state(kernel: ScriptKernel) -> Non
         smach.StateMachine.add("PATROL", Patrol(), {"there": "PATROL"})
     thread = threading.Thread(target=lambda: outcomes.append(machine.execute()))
     thread.start()
-    assert begun.wait(10)
+    assert begun.wait(60)
     assert machine.get_active_states() == ["PATROL"]
     machine.request_preempt()
     kernel.wake()
-    thread.join(10)
+    thread.join(60)
     assert (outcomes, machine.preempt_requested()) == (["preempted"], False)
 
 
@@ -261,7 +261,7 @@ def test_states_for_actions_services_topics_and_conditions() -> None:
         )
         smach.StateMachine.add(
             "FAIL",
-            smach_ros.SimpleActionState("count", TestAction, goal_key="big", exec_timeout=rospy.Duration(5)),
+            smach_ros.SimpleActionState("count", TestAction, goal_key="big", exec_timeout=rospy.Duration(60)),
             {"succeeded": "lost", "aborted": "won"},
         )
     shown = smach_ros.IntrospectionServer("shown", machine, "/ROOT")
@@ -302,12 +302,12 @@ def test_a_machine_is_an_action_server(kernel: ScriptKernel) -> None:
     )
     served.run_server()
     client = actionlib.SimpleActionClient("work", TestAction)
-    assert client.wait_for_server(rospy.Duration(10))
-    assert client.send_goal_and_wait(TestGoal(4), rospy.Duration(10)) == actionlib.GoalStatus.SUCCEEDED
+    assert client.wait_for_server(rospy.Duration(60))
+    assert client.send_goal_and_wait(TestGoal(4), rospy.Duration(60)) == actionlib.GoalStatus.SUCCEEDED
     assert client.get_result().result == 40
     client.send_goal(TestGoal(-1))
-    assert kernel.wait_until(machine.is_running, 10)
+    assert kernel.wait_until(machine.is_running, 60)
     client.cancel_goal()
-    assert client.wait_for_result(rospy.Duration(10))
+    assert client.wait_for_result(rospy.Duration(60))
     assert client.get_state() == actionlib.GoalStatus.PREEMPTED
     served._action_server.action_server.stop()

@@ -83,5 +83,5 @@ def test_goals_are_taken(kernel: ScriptKernel) -> None:
         assert (client.get_goal_status_text(), client.get_result().sequence) == ("", (order,))
         client.cancel_goals_at_and_before_time(rospy.Time(start))
         cancelled = rospy.Time(start)
-        assert kernel.wait_until(lambda at=cancelled: server.action_server.last_cancel == at, 10)
+        assert kernel.wait_until(lambda at=cancelled: server.action_server.last_cancel == at, 60)
     server.action_server.stop()

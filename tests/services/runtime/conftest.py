@@ -34,6 +34,6 @@ def connect(request: pytest.FixtureRequest) -> Iterator[Callable[[], Transport]]
             yield lambda: MemoryTransport(bus)
             return
         router = router_endpoint(free_port())
-        stack.enter_context(ZenohTransport(configuration("router", listen=(router,))))
+        stack.enter_context(ZenohTransport(configuration("router", listen=(router,), reliable=True)))
         # Names are unique here: no node has to wait until it has discovered others of its name.
         yield lambda: ZenohTransport(configuration("direct", (router,), reliable=True), settle_s=0.0)

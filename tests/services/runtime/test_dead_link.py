@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -22,22 +21,35 @@ from tests.harness.cases import case
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
 
-LINGER_S = 10.0
-"""Wall time for which Zenoh's sockets linger when closed, and for which a node once hung."""
+LINGER_S = 60
+"""Wall time for which the sockets linger when closed. A node that waits for it, as nodes once did for Zenoh's 10 s, is
+ended by the runtime after 15 s, with status 1."""
 UNSENT_BYTES = 20_000
 """More than is ever on its way to a proxy that reads: the rest of a link's data when nobody takes it."""
-SOON_S = 5.0
-"""Asserted instead of the promised 2 s, as the machine may be busy."""
 
 TALKER = """
+import os
+import socket
+import struct
 import time
+from contextlib import suppress
+
 from messages.nav import Odometry
 from messages.requests import SUPERVISOR_STOP, Name
 from messages.topics import ODOM
 from services.runtime import Service, main
+from services.runtime.errors import CallFailed
+
+
+def linger():
+    for descriptor in map(int, os.listdir("/proc/self/fd")):
+        with suppress(OSError), socket.socket(fileno=os.dup(descriptor)) as link:
+            if link.family == socket.AF_INET:
+                link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, {linger}))
 
 
 def run(ctx):
+    linger()
     odom = ctx.advertise(ODOM)
     ctx.node.heartbeat.state = "running"
     end = time.monotonic() + {talk}
@@ -45,7 +57,10 @@ def run(ctx):
         ctx.idle()
         for _ in range(20):
             odom.publish(Odometry())
-    ctx.call(SUPERVISOR_STOP, Name(name="x"), timeout=60.0, name="/slow")
+    with suppress(CallFailed):  # on a busy machine, the lease of the link may end before the process is asked to
+        ctx.call(SUPERVISOR_STOP, Name(name="x"), timeout=600.0, name="/slow")
+    while True:
+        ctx.idle()
 
 
 main(Service(name="talker", about="Talks, then asks.", run=run))
@@ -58,6 +73,8 @@ class BlackHoleProxy:
     def __init__(self, router: str) -> None:
         self._router = str(path_of(router))
         self._shut, self._sockets = threading.Event(), [socket.socket()]
+        self.given_up = threading.Event()
+        """Set once a client has closed its dead link and opened another one, which is dead too."""
         self._clients: list[socket.socket] = []
         # Unread data must stay with its sender, which lingers for unacknowledged data.
         self._sockets[0].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -88,6 +105,7 @@ class BlackHoleProxy:
             self._sockets.append(near)
             self._clients.append(near)
             if self._shut.is_set():
+                self.given_up.set()
                 continue
             far = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             far.connect(self._router)
@@ -141,25 +159,24 @@ def _end_on_dead_links(tmp_path: Path, topology: str) -> None:
         heard, slow = node.subscribe(ODOM, "/odom"), transport.serve("slow")
 
         def begin(way: BlackHoleProxy, name: str, talk: str) -> Process:
-            (tmp_path / f"{name}.py").write_text(TALKER.format(talk=talk))
+            (tmp_path / f"{name}.py").write_text(TALKER.format(talk=talk, linger=LINGER_S))
             command = ["-m", "deploy", "run", str(tmp_path / f"{name}.py"), "--connect", way.endpoint, "--name", name]
             return Process([*command, "--topology", topology], tmp_path / f"{name}.log")
 
         with begin(talks, "talker", "1000") as talker, begin(asks, "asker", "0") as asker:
             wait_until(lambda: (node.update_subscribers(), heard.messages)[1], 20, "odometry")
             unanswered = wait_until(slow.recv, 20, "a request, which is never answered")
-            # The link is dead: sent data isn't read. Zenoh, with a lease of 2 s, hasn't noticed yet.
+            # The link is dead: sent data isn't read. Zenoh, with a lease of 2 s, usually hasn't noticed yet.
             asks.shut()
-            _ends_soon(asker)
+            _ends_without_lingering(asker)
             del unanswered  # only now: a query that is dropped ends its request
             talks.shut()
-            wait_until(lambda: talks.unsent_bytes() > UNSENT_BYTES, 20, "samples that nobody takes")
-            _ends_soon(talker)
+            wait_until(
+                lambda: talks.unsent_bytes() > UNSENT_BYTES or talks.given_up.is_set(), 20, "samples that nobody takes"
+            )
+            _ends_without_lingering(talker)
 
 
-def _ends_soon(process: Process) -> None:
-    began = time.monotonic()
+def _ends_without_lingering(process: Process) -> None:
     process.signal(signal.SIGINT)
     assert process.wait(LINGER_S) == 0, process.text
-    took = time.monotonic() - began
-    assert took < SOON_S, f"{took:.1f} s"

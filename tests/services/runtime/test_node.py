@@ -91,11 +91,11 @@ def test_a_request_is_typed_and_a_refusal_has_its_reason(bus: MemoryBus) -> None
     with memory_node(bus, "sim") as server, memory_node(bus, "client") as client:
         server.serve(STEP, step)
         with spinning(server):
-            assert client.call(STEP, Steps(count=3)) == SimTime(tick=3)
+            assert client.call(STEP, Steps(count=3), timeout=60.0) == SimTime(tick=3)
             with pytest.raises(CallFailed, match="/sim/step: at most 5"):
-                client.call(STEP, Steps(count=6))
+                client.call(STEP, Steps(count=6), timeout=60.0)
             with pytest.raises(CallFailed, match="Expected `int` >= 1"):
-                client.call(STEP, Steps(count=0))
+                client.call(STEP, Steps(count=0), timeout=60.0)
 
 
 def test_a_call_to_nobody_fails_and_says_so(bus: MemoryBus) -> None:
@@ -116,7 +116,8 @@ def test_the_second_node_of_a_name_is_refused(bus: MemoryBus, monkeypatch: pytes
         pass
 
 
-def test_the_successor_of_a_dead_node_takes_its_name(bus: MemoryBus) -> None:
+def test_the_successor_of_a_dead_node_takes_its_name(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.runtime.name_claim.TAKEOVER_S", 60.0)
     first = memory_node(bus, "a")
     with first:
         threading.Timer(0.3, first.transport.close).start()
@@ -142,8 +143,8 @@ def test_the_loop_beats_and_tells_its_counts(bus: MemoryBus) -> None:
 def test_a_ping_may_ask_for_the_health(bus: MemoryBus) -> None:
     with memory_node(bus, "a", "/tb3_0") as asked, spinning(asked), MemoryTransport(bus) as other:
         key = ping_key(asked.transport.session, "/tb3_0/a")
-        [plain] = other.query(key, b"", 5.0)
-        [told] = other.query(key, ASKS_HEALTH, 5.0)
+        [plain] = other.query(key, b"", 60.0)
+        [told] = other.query(key, ASKS_HEALTH, 60.0)
     assert (plain.ok, plain.payload) == (True, b"")
     assert decoder(Health)(told.payload).node == "/tb3_0/a"
 

@@ -38,7 +38,10 @@ def log_of(made: Node) -> str:
     return out.getvalue()
 
 
-def test_a_turn_answers_some_of_a_flood_and_lets_the_other_requests_through(bus: MemoryBus) -> None:
+def test_a_turn_answers_some_of_a_flood_and_lets_the_other_requests_through(
+    bus: MemoryBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.runtime.requests.MAX_TURN_S", 60.0)  # their number alone ends the turn
     with memory_node(bus, "sim") as server, MemoryTransport(bus) as stranger:
         steps = 0
 
@@ -103,10 +106,10 @@ def test_a_handler_that_fails_is_told_logged_and_counted_and_ends_nothing(bus: M
         server.serve(RESUME, lambda _: SimTime(tick=7))
         with spinning(server):
             with pytest.raises(CallFailed, match="/sim/step: internal error: ZeroDivisionError: of ours; see the log"):
-                client.call(STEP, Steps())
+                client.call(STEP, Steps(), timeout=60.0)
             with pytest.raises(CallFailed, match="/sim/pause: internal error: OverflowError"):
-                client.call(PAUSE, Empty())
-            assert client.call(RESUME, Empty()).tick == 7
+                client.call(PAUSE, Empty(), timeout=60.0)
+            assert client.call(RESUME, Empty(), timeout=60.0).tick == 7
         assert server.request_server.refusals.count == 2
         assert "/sim/step failed:\nTraceback" in log_of(server)
         assert 'raise ZeroDivisionError("of ours")' in log_of(server)
@@ -147,6 +150,7 @@ def test_who_asks_two_servers_is_told_of_both_and_one_that_has_gone_is_none(
     bus: MemoryBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("services.runtime.requests.DUPLICATE_S", 0.0)
+    monkeypatch.setattr("services.runtime.parameters.client.TRY_TIMEOUT_S", 60.0)
     with memory_node(bus, "sim") as server, memory_node(bus, "client") as client:
         server.serve(STEP, lambda _: SimTime(tick=1))
         with spinning(server):
@@ -155,23 +159,25 @@ def test_who_asks_two_servers_is_told_of_both_and_one_that_has_gone_is_none(
                 with spinning(rogue):
                     for ask in (client.call, lambda *asked: call_idempotent(client.transport, *asked)):
                         with pytest.raises(SeveralServers, match="2 processes serve /sim/step") as caught:
-                            ask(STEP, Steps())
+                            ask(STEP, Steps(), 60.0)
                         for who in (server, rogue):
                             assert f"{who.identity.node} (session {who.transport.session[:8]})" in str(caught.value)
                     wait_until(lambda: "/other/rogue" in log_of(server), what="a word in the log")
                 rogue.transport._servers.clear()  # type: ignore[attr-defined]
                 bus.servers[:] = [each for each in bus.servers if each.owner is not rogue.transport]
-                assert client.call(STEP, Steps()).tick == 1, "its token is still in sight, and no server behind it"
-            assert client.call(STEP, Steps()).tick == 1
+                assert client.call(STEP, Steps(), timeout=60.0).tick == 1, (
+                    "its token is still in sight, and no server behind it"
+                )
+            assert client.call(STEP, Steps(), timeout=60.0).tick == 1
     assert log_of(server).count("serves /sim/step as this node does") == 1
 
 
-def test_a_silent_second_server_costs_the_deadline_and_no_more(bus: MemoryBus) -> None:
+def test_a_silent_second_server_costs_the_deadline_and_no_more(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
     with memory_node(bus, "sim") as server, memory_node(bus, "client") as client, MemoryTransport(bus) as hung:
         server.serve(STEP, lambda _: SimTime(tick=1))
         hung.serve(STEP_KEY)
-        with spinning(server):
-            assert client.call(STEP, Steps(), timeout=1.0).tick == 1
+        monkeypatch.setattr(server.transport, "wake", server.spin_once)  # it answers before the deadline begins
+        assert client.call(STEP, Steps(), timeout=0.2).tick == 1
 
 
 def test_a_long_name_is_compared_with_none_and_long_lists_are_cut() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from services.script.topics import TopicOutput
 
-WITHIN_S = 30.0
+WITHIN_S = 60.0
 
 
 class FakeThreads:

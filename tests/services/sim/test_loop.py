@@ -94,7 +94,7 @@ class LockstepHarness:
     def end(self) -> None:
         self.node.stopping = True
         self.node.transport.wake()
-        self._thread.join(10)
+        self._thread.join(60)
         assert not self._thread.is_alive()
 
 

@@ -24,7 +24,6 @@ from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import TF_STATIC
 from services.runtime.process import ROOT
-from tests.harness.cases import case
 from tests.harness.fork_server import run_verb
 from tests.harness.ports import free_port
 from tests.harness.processes import Network
@@ -34,14 +33,32 @@ from tests.services.state.conftest import TfHarness
 pytestmark = pytest.mark.waits
 
 BURGER_FRAMES, GRIPPER_FRAMES = 8, 8
+FRAMES = 1 + 2 * BURGER_FRAMES + GRIPPER_FRAMES
+WITHIN_S = 60.0
+"""Wall time limit for what is known to a command once every node of the scene had a processor while it listened."""
+PATIENT = ("--timeout", "50")
+"""An end to what hangs; the default of 3 s may pass while a node of the scene waits for a processor."""
 PERIOD_NS = 100_000_000
 """Of the gripper's moving frames."""
 
 
 def test_the_tree_shows_who_tells_of_what_and_how_often_and_is_drawn(scene: TfHarness) -> None:
+    stamps: list[int] = []
+
+    def whole() -> list[subprocess.CompletedProcess[str]]:
+        """Run both; return nothing if a node sent nothing, or a single transform, while they listened."""
+        ran, drawn = scene.run_together(("tf", "tree", "--json", "--listen", "2"), ("tf", "tree"))
+        rows = json.loads(ran.stdout)["frames"] if ran.stdout else []
+        moving = [each for each in rows if each["parent"] is not None and not each["static"]]
+        seen = len(rows) == len(drawn.stdout.splitlines()) == FRAMES and "  once, " not in drawn.stdout
+        return [ran, drawn] if seen and all(each["rate"] is not None for each in moving) else []
+
     scene.poll()
-    ran, drawn = scene.run_together(("tf", "tree", "--json", "--listen", "2"), ("tf", "tree"))
-    stamps = scene.stamps("gripper/arm")
+    with ThreadPoolExecutor(1) as pool:
+        both = pool.submit(wait_until, whole, WITHIN_S, "trees with all frames")
+        wait_until(lambda: stamps.extend(scene.stamps("gripper/arm")) or both.done(), 2 * WITHIN_S)
+    stamps += scene.stamps("gripper/arm")
+    ran, drawn = both.result()
     assert (ran.returncode, ran.stderr) == (0, "")
     told = json.loads(ran.stdout)
     frames = {each["frame"]: each for each in told["frames"]}
@@ -67,23 +84,23 @@ def test_the_tree_shows_who_tells_of_what_and_how_often_and_is_drawn(scene: TfHa
     assert [line for line in lines if not line.startswith((" ", "├", "│", "└"))] == ["gripper/base", "world"]
     assert "├── a/odom  static, /sim" in lines
     assert any(line.startswith("│   └── a/base_footprint  25 Hz, ") for line in lines)
-    assert len(lines) == len(set(lines)) == 1 + 2 * BURGER_FRAMES + GRIPPER_FRAMES
+    assert len(lines) == len(set(lines)) == FRAMES
 
 
 def possible_rates(stamps: Sequence[int]) -> set[float]:
-    """Return the rates [Hz] over all spans of at least 1 s: 10, and less where a busy machine cost the node a tick."""
+    """Return the rates [Hz] over all spans: about 10, and less where a busy machine cost the node a tick."""
     return {
         round((end - begin) * 1e9 / (stamps[end] - stamps[begin]), 3)
         for begin, end in combinations(range(len(stamps)), 2)
-        if stamps[end] - stamps[begin] >= 1_000_000_000
+        if stamps[end] > stamps[begin]
     }
 
 
 def test_where_a_frame_is(scene: TfHarness) -> None:
     half = math.pi / 4
     pose = Pose.planar(1.0, 2.0, 2 * half)
-    scene.node.call(SET_STATE, SetModelState(name="b", pose=pose), 10.0)
-    ran = scene.run_command("tf", "echo", "b/base_link", "b/base_scan", "--once", "--json")
+    scene.node.call(SET_STATE, SetModelState(name="b", pose=pose), WITHIN_S)
+    ran = scene.run_command("tf", "echo", "b/base_link", "b/base_scan", "--once", "--json", *PATIENT)
     assert ran.returncode == 0, ran.stderr
     told = json.loads(ran.stdout)
     assert (told["source"], told["target"], told["time"], told["age"]) == ("b/base_link", "b/base_scan", None, None)
@@ -91,14 +108,15 @@ def test_where_a_frame_is(scene: TfHarness) -> None:
     assert told["quaternion"] == pytest.approx({"x": 0, "y": 0, "z": 0, "w": 1})
 
     def turned() -> bool:
-        moved = json.loads(scene.run_command("tf", "echo", "world", "b/base_footprint", "--once", "--json").stdout)
+        shown = scene.run_command("tf", "echo", "world", "b/base_footprint", "--once", "--json", *PATIENT).stdout
+        moved = json.loads(shown)
         return bool(abs(moved["rpy"][2] - 2 * half) < 0.01 and abs(moved["rpy_degrees"][2] - 90) < 1)
 
     wait_until(turned, 30.0, "the robot where it was put")
 
 
 def test_it_is_shown_as_text_and_the_inverse_too(scene: TfHarness) -> None:
-    ran = scene.run_command("tf", "echo", "gripper/arm", "gripper/post", "-n", "2", "-r", "20")
+    ran = scene.run_command("tf", "echo", "gripper/arm", "gripper/post", "-n", "2", "-r", "20", *PATIENT)
     assert ran.returncode == 0, ran.stderr
     lines = ran.stdout.splitlines()
     assert len(lines) == 10
@@ -112,7 +130,7 @@ def test_it_is_shown_as_text_and_the_inverse_too(scene: TfHarness) -> None:
 
 
 def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
-    ran = scene.run_command("tf", "echo", "world", "a/base_link", "-n", "9", "--rate", "5", "--json")
+    ran = scene.run_command("tf", "echo", "world", "a/base_link", "-n", "9", "--rate", "5", "--json", *PATIENT)
     assert ran.returncode == 0, ran.stderr
     answers = [json.loads(line) for line in ran.stdout.splitlines()]
     assert len(answers) == 9
@@ -128,19 +146,23 @@ def test_why_it_cannot_be_told(scene: TfHarness) -> None:
         "a/base_lnk": "frame 'a/base_lnk' is unknown; did you mean 'a/base_link'",
         "gripper/arm": "they are in two trees: 'world' with a/base_footprint",
     }
-    all_ran = scene.run_together(*(("tf", "echo", "world", target, "--timeout", "1") for target in reasons))
-    for target, ran in zip(reasons, all_ran, strict=True):
-        with case(target):
-            assert (ran.returncode, ran.stdout) == (1, "")
-            assert reasons[target] in ran.stderr
+
+    def told() -> bool:
+        """Ask for both; return whether what the reasons name was known in time."""
+        all_ran = scene.run_together(*(("tf", "echo", "world", target, "--timeout", "1") for target in reasons))
+        assert [(each.returncode, each.stdout) for each in all_ran] == [(1, "")] * len(reasons)
+        return all(reason in each.stderr for reason, each in zip(reasons.values(), all_ran, strict=True))
+
+    wait_until(told, WITHIN_S, "both reasons")
 
 
 def test_a_closed_pipe_ends_it_quietly(scene: TfHarness) -> None:
     command = (
-        f"{sys.executable} -P -m deploy tf echo world a/base_link -r 50 --connect {scene.network.endpoint} | head -1"
+        f"{sys.executable} -P -m deploy tf echo world a/base_link -r 50 {' '.join(PATIENT)} "
+        f"--connect {scene.network.endpoint} | head -1"
     )
     ran = subprocess.run(
-        ["bash", "-o", "pipefail", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=30, check=False
+        ["bash", "-o", "pipefail", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=120, check=False
     )
     assert (ran.returncode, ran.stderr) == (0, "")
     assert ran.stdout.startswith("a/base_link in world, at ")
@@ -157,6 +179,7 @@ def test_an_interrupt_ends_it(scene: TfHarness) -> None:
             "echo",
             "world",
             "a/base_link",
+            *PATIENT,
             "--connect",
             scene.network.endpoint,
         ],
@@ -169,7 +192,7 @@ def test_an_interrupt_ends_it(scene: TfHarness) -> None:
     assert process.stdout is not None
     assert process.stdout.readline()
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=20)
+    _, said = process.communicate(timeout=WITHIN_S)
     assert (process.returncode, said) == (0, "")
 
 
@@ -184,14 +207,18 @@ def test_a_circle_is_no_tree(tmp_path: Path) -> None:
             for parent, child in pairs
         ]
         node.advertise(TF_STATIC).publish(TFMessage(transforms=tuple(transforms)))
-        with ThreadPoolExecutor() as pool:
-            words = ("tf", "tree", "--listen", "1"), ("tf", "echo", "p", "q", "--timeout", "1")
-            ran, echoed = pool.map(lambda each: run_verb(*each, "--connect", network.endpoint), words)
-        assert ran.returncode == 1
+
+        def told() -> list[subprocess.CompletedProcess[str]]:
+            """Run both; return nothing if the frames came to one of them too late."""
+            with ThreadPoolExecutor() as pool:
+                words = ("tf", "tree", "--listen", "1"), ("tf", "echo", "p", "q", "--timeout", "1")
+                ran, echoed = pool.map(lambda each: run_verb(*each, "--connect", network.endpoint), words)
+            assert (ran.returncode, echoed.returncode) == (1, 1)
+            return [ran] if ran.stdout and "in a loop" in echoed.stderr else []
+
+        [ran] = wait_until(told, WITHIN_S, "the frames in both")
         assert "frames in a loop: p in r in q in p" in ran.stderr
         assert "p in r  static, /twister, in a loop" in ran.stdout
-        assert echoed.returncode == 1
-        assert "in a loop" in echoed.stderr
 
 
 def test_nobody_there_is_told() -> None:

@@ -43,11 +43,15 @@ class SimulatedRobot:
         wait_until(lambda: self.poll() or abs(self.recorder.speed) < STANDSTILL_SPEED, WITHIN_S, "a robot that stands")
 
     def status(self) -> BaseStatus:
-        """Wait for the base's next status and return it."""
-        self.poll()
-        known = len(self.recorder.statuses)
-        wait_until(lambda: self.poll() or len(self.recorder.statuses) > known, WITHIN_S, "the state of the base")
+        """Wait for a status that the base sends from now on and return it; all samples sent before it are there."""
+        now = time.time_ns()
+        sent = self.recorder.statuses
+        wait_until(lambda: self.poll() or (sent and sent[-1][0] > now), WITHIN_S, "the state of the base")
         return self.recorder.base
+
+    def lag(self, first: TruthSample, last: TruthSample) -> float:
+        """Return by how much [s] simulation time fell behind between two samples."""
+        return (last.sent - first.sent - (last.time - first.time)) / 1e9
 
     def commands_between(self, since: float, to: float) -> list[CommandSample]:
         """Return the commands sent between two times [s, ``time.monotonic``]."""

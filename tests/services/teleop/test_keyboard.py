@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import select
 import termios
 import threading
 import time
@@ -74,6 +75,7 @@ def test_keys_that_were_read_late_say_so(pseudo_terminal: tuple[int, int]) -> No
         since = time.monotonic()
         wait_until(lambda: time.monotonic() > since + 2 * STALL_S)
         os.write(master, b"i")
+        wait_until(lambda: select.select([slave], [], [], 0)[0], what="the key at the terminal's other end")
         (press,) = keyboard.read_events(0.02)
         assert 2 * STALL_S < press.stall <= press.time - before
 

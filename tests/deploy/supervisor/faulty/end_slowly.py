@@ -1,9 +1,12 @@
-"""Publishes heartbeats, reports that its node is stopping, and crashes later; on SIGINT it exits normally at once."""
+"""Publishes heartbeats, reports that its node is stopping, and crashes once the file ``end`` is in the run's folder.
+
+On SIGINT it exits normally at once.
+"""
 
 import os
 import signal
-import sys
 import time
+from pathlib import Path
 
 from tests.deploy.supervisor.faulty.heartbeat import send_heartbeat, send_heartbeats, start
 
@@ -11,5 +14,6 @@ signal.signal(signal.SIGINT, lambda number, frame: os._exit(0))
 start()
 send_heartbeats(0.5)
 send_heartbeat("stopping")
-time.sleep(float(sys.argv[2]))
+while not Path("end").exists():
+    time.sleep(0.01)
 raise RuntimeError("crash at the end")

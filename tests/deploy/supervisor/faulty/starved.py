@@ -22,7 +22,9 @@ while not Path("starve").exists():
     send_heartbeats(0.2)
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 hogs = [subprocess.Popen([sys.executable, "-S", "-c", "while True: pass"]) for _ in range(HOGS)]
-Path("hogs").write_text(" ".join(str(each.pid) for each in hogs))
+unfinished = Path("hogs.part")
+unfinished.write_text(" ".join(str(each.pid) for each in hogs))
+unfinished.rename("hogs")
 os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 while True:
     done = time.thread_time() + WORK_S

@@ -22,7 +22,7 @@ for x, y in ((0.6, 0.0), (0.6, 0.5)):
     goal.target_pose.pose.position.y = y + rospy.get_param("~y0", 0)
     goal.target_pose.pose.orientation.w = 1.0
     client.send_goal(goal, feedback_cb=moved)
-    if client.wait_for_result(rospy.Duration(20)):
+    if client.wait_for_result(rospy.Duration(200)):
         print("at %.1f %.1f: state %d" % (x, y, client.get_state()))
 print("moved %s" % (len(places) > 5 and places[-1] > 0.4))
 print(FollowJointTrajectoryAction._type)

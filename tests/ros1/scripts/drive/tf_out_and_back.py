@@ -34,7 +34,7 @@ class OutAndBack:
             self.base_frame = "/base_nowhere"
         except (tf.Exception, tf.ConnectivityException, tf.LookupException):
             try:
-                self.tf_listener.waitForTransform(self.odom_frame, "/base_footprint", rospy.Time(), rospy.Duration(5.0))
+                self.tf_listener.waitForTransform(self.odom_frame, "/base_footprint", rospy.Time(), rospy.Duration(60.0))
                 self.base_frame = "/base_footprint"
             except (tf.Exception, tf.ConnectivityException, tf.LookupException):
                 rospy.signal_shutdown("tf Exception")

@@ -22,7 +22,7 @@ class ArmControl():
         self.effort = rospy.ServiceProxy("/gazebo/apply_joint_effort", ApplyJointEffort)
         self.clear = rospy.ServiceProxy("/gazebo/clear_joint_forces", JointRequest)
         self.properties = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
-        client = dynamic_reconfigure.client.Client("/arm_parameters", timeout=30, config_callback=self.changed)
+        client = dynamic_reconfigure.client.Client("/arm_parameters", timeout=300, config_callback=self.changed)
         self.ref_angle = 0
         self.Kp, self.Ki, self.Kd = 8.0, 1.2, 1.0
         self.last_time = time.time()

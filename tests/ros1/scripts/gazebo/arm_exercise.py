@@ -5,7 +5,7 @@ from gazebo_msgs.srv import GetJointProperties
 from math import degrees
 
 rospy.init_node("arm_exercise")
-client = dynamic_reconfigure.client.Client("/arm_parameters", timeout=30)
+client = dynamic_reconfigure.client.Client("/arm_parameters", timeout=300)
 joint = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
 rospy.sleep(1)
 client.update_configuration({"ref_angle": 30.0, "Kp": 37.5, "Kd": 2.8})

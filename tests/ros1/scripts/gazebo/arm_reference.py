@@ -10,7 +10,7 @@ from std_msgs.msg import Float32
 class ReferenceSignal():
     def __init__(self):
         self.pub = rospy.Publisher("/robot_control/reference", Float32, queue_size=100)
-        dynamic_reconfigure.client.Client("/arm_parameters", timeout=30, config_callback=self.changed)
+        dynamic_reconfigure.client.Client("/arm_parameters", timeout=300, config_callback=self.changed)
         self.kind, self.angle, self.gain, self.f = "step", 0.0, 1.0, 1.0
         self.start = time.time()
 

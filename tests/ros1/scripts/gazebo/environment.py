@@ -64,6 +64,8 @@ if __name__ == '__main__':
         state, done = env.reset()
         for step in range(8):
             state, done = env.step(2)
+        while env.x <= 0.1:
+            state, done = env.step(2)
         print("episode %d: %d rays, drove %s, done %s" % (episode, len(state), env.x > 0.1, done))
     env.pub_cmd_vel.publish(Twist())
     env.pause_proxy()

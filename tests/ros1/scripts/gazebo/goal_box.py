@@ -20,10 +20,7 @@ class Respawn():
         self.sub_model = rospy.Subscriber('gazebo/model_states', ModelStates, self.checkModel)
 
     def checkModel(self, model):
-        self.check_model = False
-        for i in range(len(model.name)):
-            if model.name[i] == "goal":
-                self.check_model = True
+        self.check_model = "goal" in model.name
 
     def respawnModel(self):
         while True:
@@ -31,7 +28,8 @@ class Respawn():
                 rospy.wait_for_service('gazebo/spawn_sdf_model')
                 spawn_model_prox = rospy.ServiceProxy('gazebo/spawn_sdf_model', SpawnModel)
                 spawn_model_prox(self.modelName, SDF, 'robotos_name_space', self.goal_position, "world")
-                rospy.sleep(0.3)
+                while not self.check_model:
+                    rospy.sleep(0.05)
                 break
 
     def deleteModel(self):
@@ -49,5 +47,6 @@ for i in range(2):
     respawn.respawnModel()
     print("there %s" % respawn.check_model)
     respawn.deleteModel()
-    rospy.sleep(0.3)
+    while respawn.check_model:
+        rospy.sleep(0.05)
 print("gone %s" % (not respawn.check_model))

@@ -11,6 +11,10 @@ def states(msg):
     latest = msg
 
 
+def ball():
+    return latest.pose[latest.name.index("ball")].position.x if latest is not None else 0.0
+
+
 rospy.init_node("model_state")
 rospy.Subscriber("/gazebo/model_states", ModelStates, states)
 rospy.wait_for_service("/gazebo/set_model_state")
@@ -28,8 +32,9 @@ try:
     resp = set_state(state)
 except rospy.ServiceException as e:
     print("Service call failed: %s" % e)
-rospy.sleep(0.3)
-print("set %s, now %.1f" % (resp.success, latest.pose[latest.name.index("ball")].position.x))
+while round(ball(), 1) != 1.5:
+    rospy.sleep(0.05)
+print("set %s, now %.1f" % (resp.success, ball()))
 print("nobody: %s" % get_state("nobody", "").success)
 print("world knows %s" % sorted(rospy.ServiceProxy("/gazebo/get_world_properties", GetWorldProperties)().model_names))
 pub = rospy.Publisher("/gazebo/set_model_state", ModelState, queue_size=1)
@@ -39,5 +44,6 @@ for i in range(5):
     state.pose.position.x = 1.5 + 0.1 * i
     pub.publish(state)
     rospy.sleep(0.1)
-rospy.sleep(0.3)
+while round(get_state("ball", "").pose.position.x, 1) != 1.9:
+    rospy.sleep(0.05)
 print("by topic %.1f" % get_state("ball", "").pose.position.x)

@@ -32,6 +32,7 @@ class TrueOdom:
 
 rospy.init_node("true_odom")
 t = TrueOdom()
-rospy.sleep(1.0)
+while t.count <= 5:
+    rospy.sleep(0.1)
 print("published %s, links %s" % (t.count > 5, [n for n in t.links if n.startswith(t.model)][0].split("::")[0]))
 rospy.spin()

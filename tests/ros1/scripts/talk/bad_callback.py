@@ -19,7 +19,8 @@ while pub.get_num_connections() == 0:
 for i in range(6):
     pub.publish(i)
     rospy.sleep(0.05)
-rospy.sleep(0.3)
+while len(good) < 3:
+    rospy.sleep(0.05)
 print("good %s" % good)
 try:
     pub.publish("five")

@@ -19,7 +19,7 @@ if __name__ == "__main__":
             continue
         break
     print("lamp at %s, yaw %.4f" % ([round(v, 3) for v in trans], tf.transformations.euler_from_quaternion(rot)[2]))
-    listener.waitForTransform("room", "fly", rospy.Time(), rospy.Duration(4.0))
+    listener.waitForTransform("room", "fly", rospy.Time(), rospy.Duration(60.0))
     (trans, rot) = listener.lookupTransform("room", "fly", rospy.Time(0))
     print("fly at distance %.3f" % math.hypot(trans[0], trans[1]))
     point = PointStamped()
@@ -36,7 +36,7 @@ if __name__ == "__main__":
             print("unknown: %s" % ("nowhere" in str(error)))
     rospy.sleep(0.5)
     past = rospy.Time.now() - rospy.Duration(0.3)
-    listener.waitForTransformFull("fly", rospy.Time(0), "fly", past, "room", rospy.Duration(2.0))
+    listener.waitForTransformFull("fly", rospy.Time(0), "fly", past, "room", rospy.Duration(60.0))
     (trans, rot) = listener.lookupTransformFull("fly", rospy.Time(0), "fly", past, "room")
     print("fly moved %.2f in about 0.3 s" % math.hypot(trans[0], trans[1]))
     print("frames %s" % [listener.frameExists(f) for f in ("room", "desk", "attic")])

@@ -42,5 +42,6 @@ for i in range(10):
     t.transform.translation.x = 0.1 * i
     mover.sendTransform(t)
     rospy.sleep(0.05)
-rospy.sleep(0.2)
+while not buf.can_transform("room", "cart", t.header.stamp):
+    rospy.sleep(0.05)
 print("cart at %.1f" % buf.lookup_transform("room", "cart", rospy.Time(0)).transform.translation.x)

@@ -6,7 +6,9 @@ words = []
 rospy.init_node("greeted")
 rospy.sleep(0.5)
 sub = rospy.Subscriber("greetings", String, lambda m: words.append(m.data))
-rospy.sleep(1.0)
+while not words:
+    rospy.sleep(0.05)
+rospy.sleep(0.5)
 print("words %s" % words)
 sub.unregister()
 rospy.sleep(0.5)

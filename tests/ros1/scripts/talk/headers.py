@@ -20,6 +20,8 @@ rospy.Subscriber("labelled", String, callback)
 rospy.Service("who", Trigger, serve)
 pub.publish("x")
 rospy.sleep(1.0)
+while not seen:
+    rospy.sleep(0.05)
 print("%s by %s, latching %s" % (seen[0]["type"], seen[0]["callerid"], seen[0].get("latching")))
 print("colour %s" % seen[0].get("colour"))
 print("asked by %s" % rospy.ServiceProxy("who", Trigger)().message)

@@ -17,6 +17,8 @@ def second():
 rospy.init_node("hooks")
 rospy.on_shutdown(first)
 rospy.on_shutdown(second)
+while pub.get_num_connections() == 0:
+    rospy.sleep(0.05)
 rospy.sleep(1.0)
 rospy.signal_shutdown("done here")
 print("down: %s" % rospy.is_shutdown())

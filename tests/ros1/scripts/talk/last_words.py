@@ -4,7 +4,7 @@ from std_msgs.msg import String
 
 rospy.init_node("last_words")
 try:
-    print(rospy.wait_for_message("last_words", String, timeout=30).data)
+    print(rospy.wait_for_message("last_words", String, timeout=300).data)
 except rospy.ROSException as error:
     print("none: %s" % error)
 try:

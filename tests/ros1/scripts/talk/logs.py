@@ -21,6 +21,8 @@ rospy.logfatal("log:fatal")
 for i in range(3):
     rospy.loginfo_once("log:once")
     rospy.logwarn_throttle(100, "log:throttled")
+while len(lines) < 6:
+    rospy.sleep(0.05)
 rospy.sleep(0.5)
 for level, text in lines:
     print(level, text)

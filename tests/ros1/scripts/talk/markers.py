@@ -23,6 +23,6 @@ for i in range(3):
     array.markers.append(Marker(id=i, type=Marker.SPHERE, ns="balls"))
 array_pub.publish(array)
 rospy.sleep(0.5)
-got = rospy.wait_for_message("visualization_marker", Marker, timeout=5)
+got = rospy.wait_for_message("visualization_marker", Marker, timeout=60)
 print("%d points, type %d, last %.1f" % (len(got.points), got.type, got.points[-1].y))
-print([m.id for m in rospy.wait_for_message("visualization_marker_array", MarkerArray, 5).markers])
+print([m.id for m in rospy.wait_for_message("visualization_marker_array", MarkerArray, 60).markers])

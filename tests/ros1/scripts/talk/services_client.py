@@ -4,7 +4,7 @@ from std_srvs.srv import Empty, SetBool, SetBoolRequest, Trigger
 
 rospy.init_node("services_client")
 for name in ("switch", "as_dict", "as_list", "failing", "nothing", "empty"):
-    rospy.wait_for_service("/services/" + name, timeout=20.0)
+    rospy.wait_for_service("/services/" + name, timeout=300.0)
 switch = rospy.ServiceProxy("/services/switch", SetBool)
 print(switch(True).message, switch(data=False).message, switch(SetBoolRequest(True)).message)
 reply = rospy.ServiceProxy("/services/as_dict", Trigger)()

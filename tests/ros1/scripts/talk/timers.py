@@ -6,7 +6,7 @@ from std_msgs.msg import Float32
 class Clockwork(object):
     def __init__(self):
         self.ticks = 0
-        self.last = None
+        self.fired = []
         self.pub = rospy.Publisher("~ticks", Float32, queue_size=1)
         self.timer = rospy.Timer(rospy.Duration(0.2), self.tick)
         rospy.Timer(rospy.Duration(0.5), self.once, oneshot=True)
@@ -19,14 +19,16 @@ class Clockwork(object):
         self.pub.publish(self.ticks)
         if self.ticks == 5:
             self.timer.shutdown()
-            print("five ticks, then none")
 
     def once(self, event):
-        print("once, with last_real %s" % event.last_real)
+        self.fired.append(event.last_real)
 
 
 if __name__ == "__main__":
     rospy.init_node("timers")
     works = Clockwork()
-    rospy.sleep(2.5)
+    while works.ticks < 5 or not works.fired:
+        rospy.sleep(0.1)
+    print("once, with last_real %s" % works.fired[0])
+    rospy.sleep(1.5)
     print("ticks at the end: %d" % works.ticks)

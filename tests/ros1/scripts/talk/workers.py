@@ -28,7 +28,7 @@ class Relay(threading.Thread):
         self.join()
 
     def run(self):
-        while not self.done:
+        while not self.done or self.queue:
             self.condition.acquire()
             if not self.queue:
                 self.condition.wait(0.5)

@@ -15,7 +15,7 @@ if __name__ == "__main__":
     turtle_vel = rospy.Publisher("turtle2/cmd_vel", geometry_msgs.msg.Twist, queue_size=1)
     rate = rospy.Rate(10.0)
     distances = []
-    while not rospy.is_shutdown() and len(distances) < 50:
+    while not rospy.is_shutdown() and (len(distances) < 50 or distances[-1] >= 0.5 * distances[0]):
         try:
             (trans, rot) = listener.lookupTransform("/turtle2", "/turtle1", rospy.Time(0))
         except (tf.LookupException, tf.ConnectivityException, tf.ExtrapolationException):

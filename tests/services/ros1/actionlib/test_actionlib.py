@@ -10,7 +10,7 @@ import pytest
 
 from tests.harness.ros1 import ros1_imports
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 """Wall time limit of each wait; all waits end with an event."""
 
 
@@ -171,7 +171,8 @@ def test_goals_are_given_up_and_replaced(ros: SimpleNamespace) -> None:
     assert (first.get_state(), first.wait_for_result()) == (ros.Status.LOST, False)
     second.cancel_all_goals()
     until(ros, lambda: len(seen) == 5 and not server.is_active())
-    assert first.send_goal_and_wait(ros.Goal(7), ros.rospy.Duration(0.02), ros.long) == ros.Status.PREEMPTED
+    ended = first.send_goal_and_wait(ros.Goal(7), ros.rospy.Duration(0.02), ros.long)
+    assert ended in (ros.Status.PREEMPTED, ros.Status.RECALLED), "a cancellation may arrive before its goal"
 
 
 def test_a_server_may_poll_for_its_goals(ros: SimpleNamespace) -> None:
@@ -239,7 +240,7 @@ def test_handles_follow_several_goals(ros: SimpleNamespace, capfd: pytest.Captur
     until(ros, lambda: fed == [(5,)])
     handles[0].set_succeeded(ros.Result([5]))
     handles[2].set_canceled(ros.Result([9]))
-    until(ros, lambda: all(goal.get_comm_state() == lib.CommState.DONE for goal in goals))
+    until(ros, lambda: all(path[-1:] == ["DONE"] for path in states.values()))  # each has been told
     ends = [lib.TerminalState.to_string(goal.get_terminal_state()) for goal in goals]
     assert ends == ["SUCCEEDED", "REJECTED", "RECALLED"]
     assert [tuple(goal.get_result().sequence) for goal in goals] == [(5,), (), (9,)]

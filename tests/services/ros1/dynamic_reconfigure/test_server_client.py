@@ -14,11 +14,14 @@ from tests.harness.ros1 import ros1_imports
 from tests.harness.waiting import wait_until
 from tests.services.script.test_reconfigure_config import ARM, write
 
+WITHIN_S = 60.0
 
-def test_a_server_and_its_clients(tmp_path: Path) -> None:
+
+def test_a_server_and_its_clients(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Clamped values, levels, enums by name, the latched first configuration on a thread of its own, groups."""
     module = SimpleNamespace(**config_module(write(tmp_path, ARM)))
     with ros1_imports():
+        import dynamic_reconfigure.client  # type: ignore[import-not-found]
         import rospy  # type: ignore[import-not-found]
         from dynamic_reconfigure import (  # type: ignore[import-not-found]
             DynamicReconfigureCallbackException,
@@ -57,14 +60,23 @@ def test_a_server_and_its_clients(tmp_path: Path) -> None:
         assert server.config.groups.groups.My_group.groups["sub"].parameters == {"deep": 2.0}
 
         told: list[tuple[str, Any]] = []
-        client = Client("arm", timeout=5, config_callback=lambda config: told.append((_thread(), config)))
+        pauses, gone_on = list[float](), threading.Event()
+
+        def pause(seconds: float) -> None:
+            pauses.append(seconds)
+            assert gone_on.wait(WITHIN_S)
+
+        monkeypatch.setattr(dynamic_reconfigure.client, "time", SimpleNamespace(sleep=pause))
+        client = Client("arm", timeout=WITHIN_S, config_callback=lambda config: told.append((_thread(), config)))
+        wait_until(lambda: len(pauses) == 1)
         assert told == [], "the script goes on before"
-        assert client.get_configuration(timeout=5)["count"] == 50
+        gone_on.set()
+        assert client.get_configuration(timeout=WITHIN_S)["count"] == 50
         wait_until(lambda: len(told) == 1)
         assert told[0][0] != _thread()
         assert "{size} {gain}".format(**told[0][1]) == "1 1.0"
         assert told[0][1]["groups"]["groups"]["My_group"]["inner"] == 2
-        assert [each["name"] for each in client.get_parameter_descriptions(timeout=5)] == list(module.defaults)
+        assert [each["name"] for each in client.get_parameter_descriptions(timeout=WITHIN_S)] == list(module.defaults)
         assert client.get_group_descriptions()["groups"]["My_group"]["type"] == "collapse"
 
         made = client.update_configuration({"count": 500, "on": "no", "size": "small", "gain": "0.25"})

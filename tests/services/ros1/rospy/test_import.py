@@ -13,6 +13,6 @@ CODE = "import sys, rospy; print([each for each in ('numpy', 'rosbags', 'tf', 's
 def test_plain_rospy_needs_no_numpy() -> None:
     environment = {**os.environ, "PYTHONPATH": f"{SITE_PACKAGES}{os.pathsep}{ROOT}"}
     done = subprocess.run(
-        [sys.executable, "-P", "-c", CODE], env=environment, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-P", "-c", CODE], env=environment, capture_output=True, text=True, timeout=120, check=True
     )
     assert done.stdout == "[]\n"

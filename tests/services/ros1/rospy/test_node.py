@@ -123,7 +123,7 @@ def test_names_that_the_bus_does_not_take_are_cleaned(rospy: Any) -> None:
         publisher = rospy.Publisher("left-wheel", String, queue_size=1)
     assert (rospy.get_name(), publisher.resolved_name) == ("/Custom_Rover_1", "/left-wheel")
     publisher.publish("x")
-    assert kernel().wait_until(lambda: ["/left_wheel", "std_msgs/String"] in rospy.get_published_topics(), 20.0)
+    assert kernel().wait_until(lambda: ["/left_wheel", "std_msgs/String"] in rospy.get_published_topics(), 60.0)
 
 
 def test_anonymous_names_have_process_and_time(rospy: Any) -> None:
@@ -237,7 +237,7 @@ def test_the_level_is_set_by_a_service(rospy: Any, capfd: pytest.CaptureFixture[
         with pytest.raises(rospy.ServiceException, match=text):
             set_level(logger, wrong)
     wanted = ["first", "shown", "of a part", "last"]
-    assert kernel().wait_until(lambda: heard == wanted, 30.0), heard
+    assert kernel().wait_until(lambda: heard == wanted, 60.0), heard
     said = capfd.readouterr()
     assert [line.rpartition(": ")[2] for line in said.out.splitlines()] == wanted[:3]
     assert said.err.count("last") == 1

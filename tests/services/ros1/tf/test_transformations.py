@@ -385,7 +385,7 @@ def test_yaw_from_odometry_needs_no_numpy() -> None:
         env={"PYTHONPATH": str(FILE.parent)},
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
         check=True,
     )
     assert done.stdout == "False\n"

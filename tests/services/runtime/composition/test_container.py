@@ -50,7 +50,7 @@ class Running:
 
     def stop(self) -> None:
         self.container.stop()
-        self.thread.join(10)
+        self.thread.join(60)
         assert not self.thread.is_alive()
 
     def _body(self, transport: Transport) -> None:
@@ -134,7 +134,7 @@ def test_a_call_to_a_node_of_the_same_process_is_answered_after_its_own_tick(
 
     def client(ctx: Context[Any]) -> None:
         for tick in ctx.ticks():
-            answers.append((tick.time, ctx.call(ASK, Name(name="x")).text))
+            answers.append((tick.time, ctx.call(ASK, Name(name="x"), timeout=60.0).text))
 
     def server(ctx: Context[Any]) -> None:
         ctx.serve(ASK, lambda asked: Done(text=f"{asked.name}{ticks[-1]}"))
@@ -207,7 +207,7 @@ def test_when_one_fails_the_others_end_in_an_orderly_way() -> None:
     with running(MemoryTransport(bus), {"r0/good": good, "r1/bad": bad, "r2/good": good}, lockstep=False) as made:
         wait_until(lambda: sum("/step/" in key for key in list(bus.tokens)) == 3)
         clock.publish(20_000_000)
-        made.thread.join(10)
+        made.thread.join(60)
     assert isinstance(made.error, NodeFailed)
     assert (made.error.node, type(made.error.error)) == ("/r1/bad", KeyError)
     assert sorted(stopped) == ["/r0/good", "/r2/good"]
@@ -222,7 +222,7 @@ def test_nodes_of_one_process_have_one_rate_in_lockstep() -> None:
         list(ctx.ticks())
 
     with running(MemoryTransport(MemoryBus()), {"fast": fast, "slow": slow}) as made:
-        made.thread.join(10)
+        made.thread.join(60)
     assert isinstance(made.error, NodeFailed)
     assert isinstance(made.error.error, BadInput)
     assert "/slow ticks at 50 Hz and /fast at 100 Hz" in str(made.error)

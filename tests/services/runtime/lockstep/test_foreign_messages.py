@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import random
 import re
 import threading
@@ -22,7 +23,7 @@ from services.runtime.lockstep.member import LockstepMember
 from services.runtime.lockstep.protocol import SIMULATION, StepGrant, StepReport, grant_key, report_key
 from services.runtime.parameters.base import Parameters
 from services.runtime.step import STEP_NS
-from services.runtime.transport.api import Transport
+from services.runtime.transport.api import RawSubscriber, Transport
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import publisher_id
 from tests.harness.memory_node import memory_node
@@ -215,16 +216,31 @@ class SilentMember:
 
     def stop(self) -> None:
         self.ended.set()
-        self._thread.join(10)
+        self._thread.join(60)
         assert not self._thread.is_alive()
+
+
+def _limit_the_wait_for_b(simulation: Simulation, monkeypatch: pytest.MonkeyPatch, **limits: float) -> None:
+    """Set limits of the barrier [s] while it waits for ``/b`` alone; ``/a`` has the usual ones, however slow it is."""
+    awaiting, idle = simulation.barrier, simulation.barrier._idle
+    usual: dict[str, float] = {name: getattr(barrier, name) for name in limits}
+
+    def wait(raw: RawSubscriber) -> None:
+        alone = [awaiting._members[each].name for each in awaiting._pending] == ["/b"]
+        for name, seconds in (limits if alone else usual).items():
+            monkeypatch.setattr(barrier, name, seconds)
+        for session in awaiting._not_before:  # once given up, ``/b`` does not come back
+            awaiting._not_before[session] = math.inf
+        idle(raw)
+
+    monkeypatch.setattr(awaiting, "_idle", wait)
 
 
 @ON_ZENOH
 def test_who_never_answers_is_named_and_given_up_and_the_others_go_on(
     connect: Callable[[], Transport], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(barrier, "REPORT_S", 0.1)
-    monkeypatch.setattr(barrier, "SILENT_S", 1.5)
+    _limit_the_wait_for_b(simulation, monkeypatch, REPORT_S=0.1, SILENT_S=1.5)
     log = simulation.node.log._out = io.StringIO()
     alive, mute = Member(connect(), "a", 50, random.Random(0)), SilentMember(connect(), "b")
     try:
@@ -246,8 +262,7 @@ def test_who_never_answers_is_named_and_given_up_and_the_others_go_on(
 def test_who_beats_is_slow_and_not_dead_for_a_while(
     connect: Callable[[], Transport], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, seconds in (("REPORT_S", 0.1), ("SILENT_S", 1.5), ("MAX_WAIT_S", 2.5)):
-        monkeypatch.setattr(barrier, name, seconds)
+    _limit_the_wait_for_b(simulation, monkeypatch, REPORT_S=0.1, SILENT_S=1.5, MAX_WAIT_S=2.5)
     log = simulation.node.log._out = io.StringIO()
     alive, mute = Member(connect(), "a", 50, random.Random(0)), SilentMember(connect(), "b", beats=True)
     try:
@@ -336,5 +351,5 @@ class LoopingMember:
     def __exit__(self, *exception: object) -> None:
         self._made.stopping = True
         self._transport.wake()
-        self._thread.join(10)
+        self._thread.join(60)
         assert not self._thread.is_alive()

@@ -72,7 +72,7 @@ class Member:
         if self.node is not None:
             self.node.stopping = True
             self.node.transport.wake()
-        self.thread.join(10)
+        self.thread.join(60)
         assert not self.thread.is_alive()
 
 
@@ -273,8 +273,11 @@ def test_a_member_that_dies_is_dropped_and_the_run_says_so(connect: Callable[[],
             dying.stop()
 
 
-def test_a_member_that_takes_leave_may_be_gone_before_its_tick_is_over(connect: Callable[[], Transport]) -> None:
+def test_a_member_that_takes_leave_may_be_gone_before_its_tick_is_over(
+    connect: Callable[[], Transport], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Between two ticks, as during a pause: it has finished, and its last messages are received."""
+    monkeypatch.setattr("services.runtime.lockstep.barrier.LAST_REPORT_S", 60.0)
     with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
         simulation = Simulation(made, ("/a", "/b"))
         barrier = simulation.barrier
@@ -282,7 +285,7 @@ def test_a_member_that_takes_leave_may_be_gone_before_its_tick_is_over(connect: 
         try:
             barrier.wait_for_members()
             simulation.step(5, latency=1)
-            leaving.thread.join(10)
+            leaving.thread.join(60)
             wait_until(lambda: barrier.update() or len(barrier._ready) == 1, what="the end of its token")
             simulation.step(20, latency=1)
             assert (barrier.state.left, barrier.state.lost) == (("/b",), ())
@@ -341,7 +344,7 @@ def test_a_step_begins_once_new_subscriptions_have_arrived_or_ended_again(
         finally:
             writer.stop()
             reader.stop()
-    assert len(looks) >= 3
+    assert len(looks) >= (1 if ended else 3)
     assert set(looks) == {(token_pattern("sub", name="/shared"), 3)}, "it steps once they are there"
     assert [len(heard) for _, _, heard in reader.seen] == [0, 0, 0, 0, 1, 1, 1]
     assert len(writer.seen) == 7

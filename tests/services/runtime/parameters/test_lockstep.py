@@ -57,7 +57,7 @@ class ControllerLoop:
         assert self.node is not None
         self.node.stopping = True
         self.node.transport.wake()
-        self.thread.join(10)
+        self.thread.join(60)
         assert not self.thread.is_alive()
 
 

@@ -78,14 +78,16 @@ def server(bus: MemoryBus, *answers: Answer) -> Iterator[list[bytes]]:
 def test_a_lost_answer_is_asked_for_again_with_the_same_words(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("services.runtime.parameters.client.TRY_TIMEOUT_S", 0.05)
     with server(bus, silent, fails, steps) as asked, MemoryTransport(bus) as me:
-        assert call_idempotent(me, STEP, Steps(count=2)).tick == 3
-    assert asked == [encode(Steps(count=2))] * 3
+        assert call_idempotent(me, STEP, Steps(count=2), 60.0).tick == 3
+    assert len(asked) >= 3, "a slow answer is lost too"
+    assert set(asked) == {encode(Steps(count=2))}
 
 
-def test_a_refusal_is_final(bus: MemoryBus) -> None:
+def test_a_refusal_is_final(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.runtime.parameters.client.TRY_TIMEOUT_S", 60.0)
     with server(bus, refuses, steps) as asked, MemoryTransport(bus) as me:
         with pytest.raises(CallFailed, match=r"^no$") as caught:
-            call_idempotent(me, STEP, Steps())
+            call_idempotent(me, STEP, Steps(), 60.0)
         assert not isinstance(caught.value, OutcomeUnknown)
     assert len(asked) == 1
 
@@ -106,7 +108,7 @@ def test_an_answer_that_cannot_be_read_is_no_success(bus: MemoryBus) -> None:
         MemoryTransport(bus) as me,
         pytest.raises(CallFailed, match="answered with something other than a SimTime"),
     ):
-        call_idempotent(me, STEP, Steps())
+        call_idempotent(me, STEP, Steps(), 60.0)
 
 
 def test_with_nobody_there_it_was_certainly_not_carried_out(bus: MemoryBus) -> None:

@@ -153,7 +153,7 @@ def test_a_loop_sees_the_record_of_its_tick(bus: MemoryBus, clock: ManualClock) 
             clock.publish(time_ns)
             if time_ns:
                 step()
-            first.join(10)
+            first.join(60)
             if time_ns == 40 * MS:
                 params.publish(SET, {"p": 2.0})
                 assert ctx.params.p == 1.0

@@ -1,4 +1,7 @@
-"""Runs the same tests on every transport: in memory, over Zenoh directly, and over Zenoh through the router."""
+"""Runs the same tests on every transport: in memory, over Zenoh directly, and over Zenoh through the router.
+
+The links have the leases of lockstep: with those of 2 s, a process that stands still for longer loses messages.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,6 @@ def connect(request: pytest.FixtureRequest) -> Iterator[Connect]:
             yield lambda: stack.enter_context(MemoryTransport(bus))
             return
         router = router_endpoint(free_port())
-        stack.enter_context(ZenohTransport(configuration("router", listen=(router,))))
+        stack.enter_context(ZenohTransport(configuration("router", listen=(router,), reliable=True)))
         role: Role = request.param
-        yield lambda: stack.enter_context(ZenohTransport(configuration(role, (router,))))
+        yield lambda: stack.enter_context(ZenohTransport(configuration(role, (router,), reliable=True)))

@@ -46,14 +46,15 @@ def test_a_nudge_under_way_meets_no_closed_session(monkeypatch: pytest.MonkeyPat
         reader = threading.Thread(target=transport.wait, args=(inlet,))
         reader.start()
         transport.wake()
-        assert slow.entered.wait(10)
+        assert slow.entered.wait(60)
         transport.close()
-        reader.join(10)
+        reader.join(60)
     assert not reader.is_alive()
     assert died == []
 
 
-def test_a_subscription_ends_while_a_thread_waits_on_it() -> None:
+def test_a_subscription_ends_while_a_thread_waits_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.runtime.transport.zenoh._RELEASE_S", 20.0)
     with ZenohTransport(configuration("router", listen=(f"tcp/127.0.0.1:{free_port()}",))) as transport:
         for _ in range(20):
             inlet = transport.subscribe_threaded("elea/test", 8)
@@ -67,7 +68,7 @@ def test_a_subscription_ends_while_a_thread_waits_on_it() -> None:
             reader.start()
             ended.set()
             inlet.close()
-            reader.join(10)
+            reader.join(60)
             assert not reader.is_alive()
 
 
@@ -79,7 +80,7 @@ class Undeclaring:
 
     def recv(self) -> Any:
         self.reading.set()
-        self.is_undeclaring.wait(10)
+        self.is_undeclaring.wait(60)
         raise RuntimeError("Already mutably borrowed")
 
     try_recv = recv
@@ -95,9 +96,9 @@ def test_a_thread_that_reads_while_its_subscription_is_undeclared_meets_its_end(
     found: list[Any] = []
     reader = threading.Thread(target=lambda: found.append(getattr(inlet, read)()))
     reader.start()
-    assert declared.reading.wait(10)
+    assert declared.reading.wait(60)
     inlet.close()
-    reader.join(10)
+    reader.join(60)
     assert found == [end]
 
 

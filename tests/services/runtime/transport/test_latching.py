@@ -79,7 +79,7 @@ def _tell(process: subprocess.Popen[str]) -> None:
 @pytest.fixture
 def router() -> Iterator[str]:
     endpoint = router_endpoint(free_port())
-    with ZenohTransport(configuration("router", listen=(endpoint,))):
+    with ZenohTransport(configuration("router", listen=(endpoint,), reliable=True)):
         yield endpoint
 
 
@@ -123,7 +123,7 @@ def test_a_question_is_kept_after_its_answer(router: str) -> None:
         other.get(
             "theirs/@adv/**",
             Callback(on_reply, ended.set),
-            timeout=30.0,
+            timeout=120.0,
             accept_replies=zenoh.ReplyKeyExpr.ANY,
             consolidation=zenoh.ConsolidationMode.NONE,  # other modes wait for the end
         )
@@ -133,7 +133,7 @@ def test_a_question_is_kept_after_its_answer(router: str) -> None:
         ((seconds, release),) = later
         assert seconds == RELEASE_S
         release()
-        assert ended.wait(20.0)
+        assert ended.wait(60.0)
         publisher.close()
 
 
@@ -277,7 +277,7 @@ def test_an_answer_without_an_end_takes_no_memory(router: str) -> None:
         stranger.declare_queryable(key, answer)
         token = stranger.liveliness().declare_token(key)
         late = transport.subscribe("theirs", 4, latched=True)
-        assert answered.wait(20.0)
+        assert answered.wait(60.0)
         sender = stranger.declare_publisher("theirs", congestion_control=zenoh.CongestionControl.BLOCK)
         wait_until(lambda: sender.matching_status.matching, 20.0, "the subscription")
         sender.put(b"last", timestamp=stranger.new_timestamp())  # after the answers, on the same link
@@ -295,8 +295,8 @@ def test_an_answer_without_an_end_takes_no_memory(router: str) -> None:
 @pytest.mark.parametrize("role", ["direct", "star"])
 def test_zenohs_own_latched_programs_understand_ours(router: str, role: Role) -> None:
     with (
-        ZenohTransport(configuration(role, (router,))) as transport,
-        ZenohTransport(configuration(role, (router,))) as foreign,
+        ZenohTransport(configuration(role, (router,), reliable=True)) as transport,
+        ZenohTransport(configuration(role, (router,), reliable=True)) as foreign,
     ):
         ours = transport.advertise("ours", "test", Quality.LATCHED)
         ours.put(b"ours", attachment=b"beside")
@@ -331,8 +331,8 @@ def test_zenohs_own_latched_programs_understand_ours(router: str, role: Role) ->
 def test_what_waits_is_read_in_the_order_of_its_sending(router: str) -> None:
     """One sample was sent, a later one fetched: they must stay in order."""
     with (
-        ZenohTransport(configuration("direct", (router,))) as transport,
-        ZenohTransport(configuration("direct", (router,))) as foreign,
+        ZenohTransport(configuration("direct", (router,), reliable=True)) as transport,
+        ZenohTransport(configuration("direct", (router,), reliable=True)) as foreign,
     ):
         arrivals = threading.Semaphore(0)
         inlet = transport.subscribe("topic", 4, latched=True, notify=arrivals.release)
@@ -340,7 +340,7 @@ def test_what_waits_is_read_in_the_order_of_its_sending(router: str) -> None:
         sender = session.declare_publisher("topic", congestion_control=zenoh.CongestionControl.BLOCK)
         wait_until(lambda: sender.matching_status.matching, 20.0, "the subscription")
         sender.put(b"first", attachment=b"", timestamp=session.new_timestamp())
-        assert arrivals.acquire(timeout=20.0)
+        assert arrivals.acquire(timeout=60.0)
         key = f"topic/@adv/pub/{session.zid()}/uhlc/9"
         stamp = session.new_timestamp()
 
@@ -350,9 +350,9 @@ def test_what_waits_is_read_in_the_order_of_its_sending(router: str) -> None:
 
         session.declare_queryable(key, answer)
         token = session.liveliness().declare_token(key)
-        assert arrivals.acquire(timeout=20.0)
+        assert arrivals.acquire(timeout=60.0)
         sender.put(b"third", attachment=b"", timestamp=session.new_timestamp())
-        assert arrivals.acquire(timeout=20.0)
+        assert arrivals.acquire(timeout=60.0)
         found = [sample[0] for sample in iter(inlet.recv, None)]
         assert found == [b"first", b"second", b"third"]
         token.undeclare()

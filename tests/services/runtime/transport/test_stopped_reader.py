@@ -76,4 +76,4 @@ def test_it_reads_all_that_was_sent_meanwhile() -> None:
             os.kill(reader.pid, signal.SIGCONT)
         send("end")
         for reader, _ in readers:
-            assert reader.communicate(timeout=20.0)[0].split() == sent
+            assert reader.communicate(timeout=120.0)[0].split() == sent

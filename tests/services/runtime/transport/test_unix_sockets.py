@@ -136,6 +136,7 @@ def test_what_killed_processes_left_neither_blocks_nor_stays(folder: Path, monke
     with pytest.raises(OSError, match="refused"):
         check_reachable(router)
 
+    monkeypatch.setattr(unix_sockets, "_YOUNG_S", 3600.0)
     with ZenohTransport(configuration("router", listen=(router,))):
         check_reachable(router)
         with ZenohTransport(configuration("direct", (router,))):

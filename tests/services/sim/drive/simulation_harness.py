@@ -120,7 +120,7 @@ class SimulationHarness:
         """Call the simulation as another process does; raises CallFailed."""
         with ThreadPoolExecutor(1) as pool:
             key = request.name.lstrip("/")
-            asked = pool.submit(call, MemoryTransport(self.bus), request, key, message, 20.0)
+            asked = pool.submit(call, MemoryTransport(self.bus), request, key, message, 60.0)
             while not asked.done():
                 self.node.spin_once()
                 self._loop.apply_requests()

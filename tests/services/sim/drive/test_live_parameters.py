@@ -13,6 +13,7 @@ from messages.requests import DELETE, SET_DRIVE, Name
 from messages.simulation import DriveSettings
 from messages.topics import ODOM
 from services.runtime.errors import CallFailed
+from services.runtime.parameters import subscription
 from tests.harness.fake_parameter_service import FakeParameterService
 from tests.harness.waiting import wait_until
 from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness, run_simulation
@@ -139,7 +140,8 @@ def test_what_contradicts_itself_changes_nothing_and_is_taken_back(values: dict[
         assert world.base.commanded_velocity[0] == pytest.approx(0.2)
 
 
-def test_who_sets_the_drive_sets_the_parameters() -> None:
+def test_who_sets_the_drive_sets_the_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subscription, "CHANGE_S", 60.0)  # the service's thread may get no processor for half a second
     with tuned(wheel_radius_multiplier=1.2) as (world, params):
         told = world.call(SET_DRIVE, DriveSettings(name=NAME, left_wheel_radius_multiplier=1.1, publish_rate=5))
         assert (told.left_wheel_radius_multiplier, told.right_wheel_radius_multiplier) == (1.1, 1.2)

@@ -84,7 +84,7 @@ class JointSimulation:
     def call(self, request: Request[Any, R], message: Message) -> R:
         """Call the simulation as another process does; raises CallFailed."""
         with ThreadPoolExecutor(1) as pool:
-            asked = pool.submit(call, MemoryTransport(self.bus), request, request.name.lstrip("/"), message, 20.0)
+            asked = pool.submit(call, MemoryTransport(self.bus), request, request.name.lstrip("/"), message, 60.0)
             while not asked.done():
                 self.node.spin_once()
                 self._loop.apply_requests()

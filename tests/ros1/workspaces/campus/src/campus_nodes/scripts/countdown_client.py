@@ -28,9 +28,11 @@ client.send_goal(goal)
 client.wait_for_result()
 print("state %d: %s" % (client.get_state(), client.get_goal_status_text()))
 
-goal.time_to_wait = rospy.Duration(5)
-client.send_goal(goal)
-rospy.sleep(0.6)
+goal.time_to_wait = rospy.Duration(50)
+del remaining[:]
+client.send_goal(goal, feedback_cb=feedback_cb)
+while not remaining:
+    rospy.sleep(0.1)
 client.cancel_goal()
 client.wait_for_result()
 print("state %d: %s" % (client.get_state(), client.get_goal_status_text()))
