@@ -287,7 +287,7 @@ class ScriptRun:
                 seen, since = shown, now
             time.sleep(0.02)
         self._kernel.end_waits()
-        _give(NOTICE_S)
+        _wait_own_time(NOTICE_S)
         deadline = time.monotonic() + LEAVE_S
         while self._kernel.noticed and self._kernel.late_checks < _LATE_CHECKS and time.monotonic() < deadline:
             time.sleep(0.02)
@@ -297,7 +297,7 @@ class ScriptRun:
             main = threading.main_thread().ident
             if main is not None:
                 signal.pthread_kill(main, signal.SIGINT)
-            _give(0.1)
+            _wait_own_time(0.1)
         if not self._over:
             sys.stderr.write(
                 f"the script did not end when it was asked to: {place_of(threading.main_thread().ident)}\n"
@@ -308,10 +308,10 @@ class ScriptRun:
             exit_now(0)
 
 
-def _give(seconds: float) -> None:
-    """Give the main thread this time; the time in which it waits for a processor does not count."""
-    given = OwnTime(threading.main_thread())
-    while not given.exceeds(seconds):
+def _wait_own_time(seconds: float) -> None:
+    """Wait for ``seconds``, without counting the time in which the main thread waits for a processor."""
+    waited = OwnTime(threading.main_thread())
+    while not waited.exceeds(seconds):
         time.sleep(0.02)
 
 

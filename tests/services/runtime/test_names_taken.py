@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -96,8 +97,26 @@ def test_what_else_answers_for_the_register_is_not_believed(network: Network) ->
             liar.join()
 
 
+@contextmanager
+def successor(network: Network, reasons: list[str]) -> Iterator[tuple[Node, threading.Thread, ZenohTransport]]:
+    """Run a node that may be replaced, and one of its name in a thread, which asks it to end for ``reasons``; yield the
+    first node, the thread, and the transport of the second.
+    """
+    with transport(network) as first, transport(network) as second, ExitStack() as stack:
+        old, new = node(first, "talker"), node(second, "talker")
+        old.on_asked_to_end, old.replaceable, new.replaceable = reasons.append, True, True
+        stack.enter_context(old)
+        wait_until(
+            lambda: any(each.kind == "pub" and each.node == "/talker" for each in snapshot(second)), what="the old one"
+        )
+        taken = threading.Thread(target=lambda: stack.enter_context(new))
+        taken.start()
+        yield old, taken, second
+
+
 def test_a_node_that_is_too_busy_to_answer_is_asked_again(network: Network, monkeypatch: pytest.MonkeyPatch) -> None:
     asks: list[bool | None] = []
+    reasons: list[str] = []
     ask = name_claim.ask_to_end
 
     def counted(*arguments: Any) -> bool | None:
@@ -107,24 +126,16 @@ def test_a_node_that_is_too_busy_to_answer_is_asked_again(network: Network, monk
     monkeypatch.setattr(name_claim, "ask_to_end", counted)
     monkeypatch.setattr(name_claim, "ASK_S", 0.05)
     monkeypatch.setattr(name_claim, "TAKEOVER_S", 600.0)
-    with transport(network) as first, transport(network) as second, ExitStack() as stack:
-        old, new = node(first, "talker"), node(second, "talker")
-        reasons: list[str] = []
-        old.on_asked_to_end, old.replaceable, new.replaceable = reasons.append, True, True
-        entered = stack.enter_context(old)
-        wait_until(
-            lambda: any(each.kind == "pub" and each.node == "/talker" for each in snapshot(second)), what="the old one"
-        )
-        taken = threading.Thread(target=lambda: stack.enter_context(new))
-        taken.start()
+    with successor(network, reasons) as (old, taken, _):
         wait_until(lambda: asks.count(None) >= 2, what="two questions without an answer")
         monkeypatch.setattr(name_claim, "ASK_S", 60.0)
         while taken.is_alive():
-            entered.spin_once()
+            old.spin_once()
             if asks[-1] is not None:
                 monkeypatch.setattr(name_claim, "TAKEOVER_S", 0.0)
             taken.join(0.01)
     assert asks[-1] is True
+    assert set(reasons) == {REPLACED}
 
 
 def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(
@@ -132,17 +143,9 @@ def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(
 ) -> None:
     asked: list[str] = []
     monkeypatch.setattr(name_claim, "ASK_S", 60.0)  # the old one answers in this thread, whenever that runs
-    with transport(network) as first, transport(network) as second, ExitStack() as stack:
-        old, new = node(first, "talker"), node(second, "talker")
-        old.on_asked_to_end, old.replaceable, new.replaceable = asked.append, True, True
-        entered = stack.enter_context(old)
-        wait_until(
-            lambda: any(each.kind == "pub" and each.node == "/talker" for each in snapshot(second)), what="the old one"
-        )
-        taken = threading.Thread(target=lambda: stack.enter_context(new))
-        taken.start()
+    with successor(network, asked) as (old, taken, second):
         while taken.is_alive():
-            entered.spin_once()
+            old.spin_once()
             taken.join(0.01)
         assert asked == [REPLACED]
         assert {each.session for each in snapshot(second) if each.node == "/talker"} >= {second.session}
