@@ -57,9 +57,14 @@ def router_in(folder: Path) -> str:
     return f"{PROTOCOL}/{folder / ROUTER}"
 
 
-def node_endpoint(router: str) -> str:
-    """Return an endpoint for a node that connects to ``router``: a unique name in the same folder."""
-    return f"{PROTOCOL}/{path_of(router).parent / os.urandom(5).hex()}.sock"
+def node_endpoint(router: str, session: str) -> str:
+    """Return the endpoint of a node's session that connects to ``router``, in the same folder."""
+    return f"{PROTOCOL}/{node_socket(path_of(router).parent, session)}"
+
+
+def node_socket(folder: Path, session: str) -> Path:
+    """Return the path of a session's socket: its name is the beginning of the session's id of 32 hex digits."""
+    return folder / f"{session[:10]}.sock"
 
 
 def is_unix(endpoint: str) -> bool:
@@ -123,25 +128,38 @@ def remove_stale(folder: Path) -> None:
     """
     with suppress(OSError):
         for lock in folder.glob("*.sock.lock"):
-            if not _held(lock):
-                lock.with_suffix("").unlink(missing_ok=True)
+            path = lock.with_suffix("")
+            if not _is_young(lock) and not is_held(path):
+                path.unlink(missing_ok=True)
                 lock.unlink(missing_ok=True)
         folder.rmdir()
 
 
-def _held(lock: Path) -> bool:
-    """Return whether a process listens on the socket of this lock file, or may be about to.
+def is_held(path: Path) -> bool:
+    """Return whether a process listens on this socket.
 
-    Zenoh holds the lock for as long as it listens; the kernel releases it when the process ends.
+    Zenoh locks the file ``PATH.lock`` for as long as it listens; the kernel releases it when the process ends.
     """
     try:
-        with lock.open("rb") as file:
+        with _lock_of(path).open("rb") as file:
             fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return time.time() - os.fstat(file.fileno()).st_mtime < _YOUNG_S
+            return False
     except FileNotFoundError:
         return False
     except BlockingIOError:
         return True
+
+
+def _lock_of(path: Path) -> Path:
+    return path.with_name(f"{path.name}.lock")
+
+
+def _is_young(lock: Path) -> bool:
+    """Whether the process that created this file may not have locked it yet."""
+    try:
+        return time.time() - lock.stat().st_mtime < _YOUNG_S
+    except FileNotFoundError:
+        return False
 
 
 def _check(folder: Path) -> None:

@@ -8,7 +8,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, Self
 
@@ -31,6 +31,7 @@ from services.runtime.transport.api import (
     TokenEvent,
 )
 from services.runtime.transport.latching import LatchedPast, Latching
+from services.runtime.transport.peer_links import PeerLinks
 from services.runtime.transport.request_queue import Refusals, RequestQueue
 
 WAKE = zenoh.Encoding("elea/nudge")
@@ -429,6 +430,7 @@ class ZenohTransport:
         self._wake_pending = False
         self._awake = threading.Event()
         self._tokens_arrive = False
+        self._peer_links: PeerLinks | None = None
         self._readers_versions = itertools.count(1)
         self.readers_version = 0
         self.open = True
@@ -448,6 +450,8 @@ class ZenohTransport:
         if self._configuration["mode"] != "client":  # a client gets complete answers, from the router
             news: Any = FifoChannel(_MOST_TOKENS)
             self._liveliness.news = self._zenoh.liveliness().declare_subscriber(f"{ADMIN_SPACE}/**", news, history=True)
+        if self._configuration["mode"] == "peer":
+            self._peer_links = PeerLinks(self._zenoh, self._configuration, open_session)
         self._ticker = threading.Thread(target=self._run_ticker, name="ticker", daemon=True)
         self._ticker.start()
         return self
@@ -569,6 +573,8 @@ class ZenohTransport:
             self.open = False
             self._awake.set()
             self._ticker.join()  # a put into a closing session fails, and the thread with it
+            if self._peer_links is not None:
+                self._peer_links.close(CLOSE_S)
             with suppress(zenoh.ZError):  # the link was closed already
                 run_with_timeout(self._close_session, CLOSE_S)
             self._latching.close(CLOSE_S)
@@ -578,8 +584,7 @@ class ZenohTransport:
         self.readers_version = next(self._readers_versions)
 
     def _open(self) -> None:
-        with limit_threads(self._configuration["mode"]):
-            self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
+        self._zenoh = open_session(self._configuration)
 
     def _close_session(self) -> None:
         self._zenoh.close()  # type: ignore[no-untyped-call]
@@ -593,11 +598,19 @@ class ZenohTransport:
                 self._tokens_arrive = False
             self._awake.clear()
             self._liveliness.update()
+            if self._peer_links is not None:
+                self._peer_links.update()
             if (subscriber := self._waiting) is None:
                 self._wake_pending = self._wake_pending or asked
             elif self.open:
                 here = zenoh.Locality.SESSION_LOCAL
                 self._zenoh.put(subscriber.wake_key, b"", encoding=WAKE, allowed_destination=here)
+
+
+def open_session(configuration: Mapping[str, Any]) -> zenoh.Session:
+    """Open a session of Zenoh; raises ZError."""
+    with limit_threads(configuration["mode"]):
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(configuration)))
 
 
 def run_with_timeout(work: Callable[[], None], seconds: float | None = None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 from collections.abc import Iterable
 from typing import Any, Literal
 
@@ -120,16 +121,16 @@ def configuration(
     """Return the configuration of one session, as the tree that Zenoh reads as JSON5.
 
     It is limited to this machine by default: a peer listens on a Unix socket beside its router's, or on 127.0.0.1 if
-    the router is reached by TCP; multicast is off. Gossip makes peers of one router find each other. Leases are 2 s on
-    both sides (RELIABLE_S in lockstep), because each side waits for the lease that the *other* announces; retries
-    follow after 0.1 to 0.5 s, because the default of 4 s leaves a fleet without links after its router returns. Shared
-    memory is off: a receiver keeps 17 MB for each sender that restarts. ``first``: the supervisor, which starts before
-    the router and does not wait for links.
+    the router is reached by TCP; multicast is off. Gossip makes peers of one router find each other when one of them
+    joins it; ``peer_links`` restores a link that breaks later. Leases are 2 s on both sides (RELIABLE_S in lockstep),
+    because each side waits for the lease that the *other* announces; retries follow after 0.1 to 0.5 s, because the
+    default of 4 s leaves a fleet without links after its router returns. Shared memory is off: a receiver keeps 17 MB
+    for each sender that restarts. ``first``: the supervisor, which starts before the router and does not wait for
+    links.
 
     ``reliable`` (lockstep) keeps the link to a stopped process for RELIABLE_S, and waits up to 2 s for space before it
-    drops a message, in the router as well; simulation time waits meanwhile. A closed link between peers is restored
-    only when one of them finds the router again. Of 12,000 samples to a client stopped for 0.8 s, a router that waits
-    10 ms lost 2,700, this one none.
+    drops a message, in the router as well; simulation time waits meanwhile. Of 12,000 samples to a client stopped for
+    0.8 s, a router that waits 10 ms lost 2,700, this one none.
 
     Commands, each a packet of its own, queue in 16 batches per link instead of 2, allocated on demand: in real time,
     beside 40 processes that start others on two cores, ``lab`` lost 1 to 7 messages in most runs of 20 s, and none in
@@ -144,7 +145,10 @@ def configuration(
     waiting, until it receives again.
     """
     connects = tuple(endpoint(each) for each in connect)
-    listens = tuple(endpoint(each) for each in listen) or (_socket_beside(connects) if role == "direct" else ())
+    session = _new_session_id()
+    listens = tuple(endpoint(each) for each in listen) or (
+        _socket_beside(connects, session) if role == "direct" else ()
+    )
     local = all(map(unix_sockets.is_unix, (*connects, *listens)))
     lease_s = RELIABLE_S if reliable else 2
     drop_wait_us = 2_000_000 if reliable else 10_000 if role == "router" else 1_000
@@ -190,11 +194,20 @@ def configuration(
         tree["qos"] = {"network": [_BATCHED]}
     if domain:
         tree["namespace"] = domain
+    if role == "direct" and not listen:
+        tree["id"] = session  # names the socket
     return tree
 
 
-def _socket_beside(routers: tuple[str, ...]) -> tuple[str, ...]:
+def _new_session_id() -> str:
+    """Return a random id of 32 hex digits, of which Zenoh takes no zero for the first."""
+    while (made := os.urandom(16).hex()).startswith("0"):
+        pass
+    return made
+
+
+def _socket_beside(routers: tuple[str, ...], session: str) -> tuple[str, ...]:
     """Return the endpoints of a peer of these routers; with one reached by TCP also a TCP endpoint, for its peers."""
     unix = [each for each in routers if unix_sockets.is_unix(each)][:1]
     tcp = ("tcp/127.0.0.1:0",) if len(unix) < len(routers) or not routers else ()
-    return (*map(unix_sockets.node_endpoint, unix), *tcp)
+    return (*(unix_sockets.node_endpoint(each, session) for each in unix), *tcp)
