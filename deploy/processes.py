@@ -44,6 +44,10 @@ _NOT_AWAITED = ("router", "sim")
 _DEPENDENCIES = {"router": (), "params": ("router",), "sim": ("router", "params")}
 """Services that must be ready first; all others need the simulation, and through it the router and the parameters."""
 
+_STEADY_LINKS = ("router", "sim", *OBSERVER_SERVICES)
+"""Services that step with none, but in lockstep keep their links to a process that stands still as long as those that
+do. Otherwise such a process would lose messages of theirs, and a recording would miss them."""
+
 
 class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     """A node: its name, its kind of service, and its own options, without those of its process."""
@@ -204,7 +208,7 @@ def _command(
     """
     kind, node = stated.service.kind, stated.node
     network = _network_arguments(fleet, options) if kind != "router" else _domain_arguments(options)
-    if fleet.run.mode == "lockstep" and (node in nodes.members or kind in ("sim", "router")):
+    if fleet.run.mode == "lockstep" and (node in nodes.members or kind in _STEADY_LINKS):
         network.append("--lockstep")
     if "params" in _DEPENDENCIES.get(kind, ("params",)):
         network.append("--await-params")

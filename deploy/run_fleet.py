@@ -93,7 +93,8 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         reaper = Reaper()
         try:
             members = [name for each in plan for name in each.names]
-            with supervisor_node(fleet_endpoint(fleet), options.domain, own, members) as bus:
+            lockstep = fleet.run.mode == "lockstep"
+            with supervisor_node(fleet_endpoint(fleet), options.domain, own, members, lockstep) as bus:
                 spawner = Spawner(options.folder, reaper, show=screen.print_line)
                 saved = SavedParameterNotes(bus.parameters, own)
                 progress = ProgressReporter(

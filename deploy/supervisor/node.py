@@ -217,15 +217,17 @@ class SupervisorNode:
 
 @contextmanager
 def supervisor_node(
-    router: str, domain: str = "", sets: Iterable[str] = (), members: Iterable[str] = ()
+    router: str, domain: str = "", sets: Iterable[str] = (), members: Iterable[str] = (), lockstep: bool = False
 ) -> Iterator[SupervisorNode]:
     """Open the supervisor's node at the endpoint ``router``, which the supervisor starts.
 
-    It subscribes to the parameter sets ``sets`` and to the checks of the nodes ``members``.
+    It subscribes to the parameter sets ``sets`` and to the checks of the nodes ``members``. In ``lockstep``, the fleet
+    waits for a process that stands still, and its links to the supervisor last as long.
     """
     identity = Identity.of("supervisor")
+    tree = configuration("direct", (router,), domain=domain, reliable=lockstep, first=True)
     with (
-        ZenohTransport(configuration("direct", (router,), domain=domain, first=True), settle_s=0.0) as transport,
+        ZenohTransport(tree, settle_s=0.0) as transport,
         Node(transport, identity, "supervisor", Log(identity.node)) as node,
     ):
         yield SupervisorNode(node, sets, members)

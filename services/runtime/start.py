@@ -45,7 +45,7 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
 
         subscription = _parameter_subscription(service, node, options)
         params = subscription.params if subscription is not None else options["params"]
-        steps = options["lockstep"] and service.role != "router"  # which only forwards what the others send
+        steps = options["lockstep"] and (service.steps or service.role in ("member", "free"))  # others keep links only
         context = Context(node, params, service.rate, steps, service.role == "observer", subscription)
         install_signal_handlers(stop)  # until here, a signal raised Stopped at once
         try:

@@ -80,7 +80,7 @@ def test_lab_starts_in_order_and_steps_together() -> None:
     members = read_assignments(options(plan["sim"], "--fleet-param"))["members"]
     assert {"/grader", "/params", *(f"/{each}" for each in drivers)} <= set(members)
     reliable = {name for each in plan.values() for name in each.names if "--lockstep" in each.argv}
-    assert reliable == {*members, "/sim", "/router"}
+    assert reliable == {*members, "/sim", "/router", "/panel"}
     assert {name for each in plan.values() for name in each.names if each.awaited} == {*members, "/sim"}
 
 

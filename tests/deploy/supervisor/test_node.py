@@ -1,14 +1,18 @@
-"""The supervisor's node: the last messages of nodes that have ended are waited for."""
+"""The supervisor's node: how long its links last, and how it waits for the last messages of nodes that have ended."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
-from deploy.supervisor.node import SupervisorNode
+from deploy.supervisor import node as node_module
+from deploy.supervisor.node import SupervisorNode, supervisor_node
 from messages.topics import CHECKS
 from services.runtime.errors import TryAgain
 from services.runtime.graph import token_pattern
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.runtime.transport.zenoh_config import RELIABLE_S
 from tests.harness.memory_node import memory_node
 
 
@@ -38,3 +42,16 @@ def test_the_end_waits_for_members_also_where_the_network_does_not_list_them_in_
         SupervisorNode(node, members=["/judge"]).drain()
         assert looks == 3
         assert transport.tokens(token_pattern("pub", "/stranger", CHECKS.name)), "who is no member is not waited for"
+
+
+def test_in_lockstep_its_links_last_as_long_as_those_of_the_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Opened(Exception):
+        pass
+
+    def open_transport(tree: dict[str, Any], settle_s: float) -> None:
+        raise Opened(tree["transport"]["link"]["tx"]["lease"])
+
+    monkeypatch.setattr(node_module, "ZenohTransport", open_transport)
+    for lockstep, lease_s in ((False, 2), (True, RELIABLE_S)):
+        with pytest.raises(Opened, match=f"^{lease_s * 1000}$"), supervisor_node("127.0.0.1:7447", lockstep=lockstep):
+            raise AssertionError("it opened without a transport")
