@@ -11,4 +11,4 @@ def _fail(*_: object) -> None:
 
 signal.signal(signal.SIGINT, _fail)
 start()
-send_heartbeats(60)
+send_heartbeats()

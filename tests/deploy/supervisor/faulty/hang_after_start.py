@@ -2,8 +2,8 @@
 
 import threading
 
-from tests.deploy.supervisor.faulty.heartbeat import send_heartbeat, start
+from tests.deploy.supervisor.faulty.heartbeat import LIFE_S, send_heartbeat, start
 
 start()
 send_heartbeat()
-threading.Event().wait(60)
+threading.Event().wait(LIFE_S)

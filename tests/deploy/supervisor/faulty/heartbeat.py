@@ -7,6 +7,9 @@ import time
 
 from services.runtime.process import die_with_parent
 
+LIFE_S = 600.0
+"""Wall time for which a child lives that is not ended: longer than any test waits for it."""
+
 
 def node() -> str:
     """Return the name of this child's node in the fleet."""
@@ -26,7 +29,7 @@ def send_heartbeat(state: str = "running") -> None:
     os.close(descriptor)
 
 
-def send_heartbeats(seconds: float) -> None:
+def send_heartbeats(seconds: float = LIFE_S) -> None:
     """Write heartbeats at the usual rate for ``seconds``."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:

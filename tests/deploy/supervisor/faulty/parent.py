@@ -5,11 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.deploy.supervisor.faulty.heartbeat import send_heartbeats, start
+from tests.deploy.supervisor.faulty.heartbeat import LIFE_S, send_heartbeats, start
 
 start()
-code = "import signal, time\nfor n in (2, 15, 1): signal.signal(n, signal.SIG_IGN)\ntime.sleep(60)"
+code = f"import signal, time\nfor n in (2, 15, 1): signal.signal(n, signal.SIG_IGN)\ntime.sleep({LIFE_S})"
 grandchild = subprocess.Popen([sys.executable, "-c", code])
 Path("grandchild").write_text(str(grandchild.pid))
 signal.signal(signal.SIGINT, lambda number, frame: sys.exit(0))
-send_heartbeats(60)
+send_heartbeats()

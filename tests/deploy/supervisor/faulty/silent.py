@@ -2,7 +2,7 @@
 
 import threading
 
-from tests.deploy.supervisor.faulty.heartbeat import start
+from tests.deploy.supervisor.faulty.heartbeat import LIFE_S, start
 
 start()
-threading.Event().wait(60)
+threading.Event().wait(LIFE_S)

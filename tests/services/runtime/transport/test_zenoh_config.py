@@ -62,6 +62,13 @@ def test_processes_of_one_machine_have_time_to_link_though_they_get_no_processor
     assert timeouts("direct", (tcp,)) == timeouts("star", (tcp,)) == timeouts("router", (), (socket, tcp)) == quick
 
 
+def test_the_routers_rules_name_no_keys() -> None:
+    """Zenoh keeps what each key matches, and reads it without a lock while links close (``_BATCHED``)."""
+    (rule,) = configuration("router")["qos"]["network"]
+    assert "key_exprs" not in rule
+    assert (rule["messages"], rule["overwrite"]) == (["put"], {"express": False})
+
+
 def test_an_unknown_key_would_be_noticed() -> None:
     with pytest.raises(zenoh.ZError):
         zenoh.Config.from_json5(json.dumps({"transport": {"link": {"tx": {"leese": 1}}}}))
