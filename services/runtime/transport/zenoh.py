@@ -180,18 +180,21 @@ class ZenohPublisher:
     def __init__(self, publisher: Any, changed: Callable[[], None]) -> None:
         self._publisher, self._changed = publisher, changed
         self.put: Any = publisher.put  # no wrapper: this is called for every message
+        self._changed_to: bool | None = None
+        """The latest report of the listener, which is newer than ``_first``, even if it arrives earlier."""
         self._listener = publisher.declare_matching_listener(Callback(self._on_matching, indirect=False))
-        self._matching = bool(publisher.matching_status.matching)
+        self._first = bool(publisher.matching_status.matching)
 
     @property
     def has_subscribers(self) -> bool:
-        return self._matching
+        changed_to = self._changed_to
+        return self._first if changed_to is None else changed_to
 
     def close(self) -> None:
         self._publisher.undeclare()
 
     def _on_matching(self, status: Any) -> None:
-        self._matching = bool(status.matching)
+        self._changed_to = bool(status.matching)
         self._changed()
 
 

@@ -30,6 +30,8 @@ from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, Messag
 from tests.harness.waiting import wait_until
 
 TWIST = "{linear: {x: 0.1}}"
+LATE_S = 0.4
+"""Simulation time by which a robot's ground truth may arrive late."""
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +82,7 @@ def test_a_robot_drives_until_it_ends(running: BackgroundFleet, node: Node) -> N
         GroundTruthRecorder(node, "tb3_0"),
         MessageRecorder(node.subscribe(BASE_STATUS, "/tb3_0/base_status")),
     )
+    began = time_of(truth.wait_next())
     with running.start("topic", "pub", "/tb3_0/cmd_vel", TWIST) as process:
         wait_until(lambda: speed(truth.wait_next()) > 0.099, WITHIN_S, "a robot that drives")
         wait_until(lambda: longest_drive(truth.received()) >= 1.0, WITHIN_S, "a robot that goes on")
@@ -92,8 +95,10 @@ def test_a_robot_drives_until_it_ends(running: BackgroundFleet, node: Node) -> N
 
         publisher = wait_until(heard, WITHIN_S, "a publisher that is heard")
         assert publisher["node"].startswith("/_pub_")
-        assert 0 < publisher["hz"] < 26, "the promised rate is 25; a busy machine may miss some"
+        assert publisher["hz"] > 0, "25 on average, but more for a moment, after a pause that a busy machine made"
         ended = interrupt(process)
+    sent, seconds = ended.out.count("publishing #"), time_of(truth.wait_next()) - began
+    assert sent <= CMD_VEL.rate * (seconds + LATE_S), "the promised rate is 25; a busy machine may miss some"
     assert ended.status == 0
     assert ended.out.startswith("publishing #1: {linear: {x: 0.1, y: 0.0, z: 0.0}, angular: ")
     truth.wait_until_still()
