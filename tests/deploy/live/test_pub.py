@@ -30,8 +30,6 @@ from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, Messag
 from tests.harness.waiting import wait_until
 
 TWIST = "{linear: {x: 0.1}}"
-LATE_S = 0.4
-"""Simulation time by which a robot's ground truth may arrive late."""
 
 
 @pytest.fixture(scope="module")
@@ -77,12 +75,14 @@ def longest_drive(samples: list[Odometry]) -> float:
 
 
 def test_a_robot_drives_until_it_ends(running: BackgroundFleet, node: Node) -> None:
-    """The base stops while a busy machine lets the command pause: one second without a pause is waited for."""
+    """The base stops while a busy machine lets the command pause: one second without a pause is waited for.
+
+    After a pause the command catches up on five messages, so a measurement that begins there is some periods short.
+    """
     truth, status = (
         GroundTruthRecorder(node, "tb3_0"),
         MessageRecorder(node.subscribe(BASE_STATUS, "/tb3_0/base_status")),
     )
-    began = time_of(truth.wait_next())
     with running.start("topic", "pub", "/tb3_0/cmd_vel", TWIST) as process:
         wait_until(lambda: speed(truth.wait_next()) > 0.099, WITHIN_S, "a robot that drives")
         wait_until(lambda: longest_drive(truth.received()) >= 1.0, WITHIN_S, "a robot that goes on")
@@ -95,10 +95,10 @@ def test_a_robot_drives_until_it_ends(running: BackgroundFleet, node: Node) -> N
 
         publisher = wait_until(heard, WITHIN_S, "a publisher that is heard")
         assert publisher["node"].startswith("/_pub_")
-        assert publisher["hz"] > 0, "25 on average, but more for a moment, after a pause that a busy machine made"
+        assert publisher["hz"] > 0
+        measured = running.run_json_lines("topic", "hz", "-n", "251", "/tb3_0/cmd_vel")[-1]["simulated"]
+        assert measured["span"] >= (measured["count"] - 10) / CMD_VEL.rate, "the promised rate; it may miss some"
         ended = interrupt(process)
-    sent, seconds = ended.out.count("publishing #"), time_of(truth.wait_next()) - began
-    assert sent <= CMD_VEL.rate * (seconds + LATE_S), "the promised rate is 25; a busy machine may miss some"
     assert ended.status == 0
     assert ended.out.startswith("publishing #1: {linear: {x: 0.1, y: 0.0, z: 0.0}, angular: ")
     truth.wait_until_still()

@@ -17,7 +17,7 @@ from tests.harness.waiting import wait_until
 class ChangingPublisher:
     """A publisher of Zenoh; ``change`` runs between Zenoh's answer to the first question for its status and its return.
 
-    A thread that waits for a processor, or for Python's lock, gets the answer as late.
+    A thread that waits for a processor, or for Python's lock, receives the answer just as late.
     """
 
     def __init__(self, publisher: zenoh.Publisher, change: Callable[[], None]) -> None:
