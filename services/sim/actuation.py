@@ -381,7 +381,7 @@ class JointActuation:
         return self._parameters.config.joint_friction
 
     def with_efforts(self, measured: JointReadings) -> JointReadings:
-        return measured._replace(effort=tuple(self.controller.applied_efforts.values()))
+        return JointReadings(measured.position, measured.velocity, tuple(self.controller.applied_efforts.values()))
 
     def effort_controller(self, joint: str) -> JointEffortController:
         return self.controller

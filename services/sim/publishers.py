@@ -120,22 +120,16 @@ class RobotPublishers:
         """Whether the joint states are the plain measurements, published at their own rate."""
         return not (self._motors.commanded or self._actuation.applies_efforts)
 
-    def joint_readings(self, snapshot: Snapshot) -> tuple[float, ...] | None:
-        """Return positions, velocities and efforts of the joints, one after another; None if they are not due.
-
-        With a controller manager they are due at every tick.
-        """
-        motors = self._motors
-        if not (motors.commanded or self._joint_states_due(snapshot)):
-            return None
-        position, velocity, effort = motors.readings(self._actuation.with_efforts(snapshot.joints(self.name)))
-        return *position, *velocity, *effort
-
-    def publish_joint_states(self, snapshot: Snapshot, payload: bytes) -> None:
-        """Publish encoded joint readings, also as feedback if a controller manager commands the joints."""
-        if self._joint_states_due(snapshot):
+    def publish_joint_states(self, snapshot: Snapshot) -> None:
+        """Publish the joints if they are due, and feedback at every tick if a controller manager commands them."""
+        due, commanded = self._joint_states_due(snapshot), self._motors.commanded
+        if not (due or commanded):
+            return
+        readings = self._motors.readings(self._actuation.with_efforts(snapshot.joints(self.name)))
+        payload = self.joint_template.encode(snapshot.stamp, [*readings.position, *readings.velocity, *readings.effort])
+        if due:
             self.joint_states.publish_encoded(payload)
-        if self._motors.commanded:
+        if commanded:
             if self._feedback is None:
                 self._feedback = self._publisher(JOINT_FEEDBACK)
             self._feedback.publish_encoded(payload)
@@ -209,8 +203,6 @@ class MotionPublisher:
 
     def __init__(self) -> None:
         self._odometry = GroupEncoder()
-        self._joint_encoders: dict[int, GroupEncoder] = {}
-        """By the number of values in a message."""
         self.update_subscriptions(())
 
     def update_subscriptions(self, robots: Sequence[RobotPublishers]) -> None:
@@ -261,19 +253,8 @@ class MotionPublisher:
             if snapshot.tick % steps == 0:
                 rows = snapshot.joint_rows(names).reshape(3, len(names), -1)
                 topics.publish(snapshot.stamp, rows.swapaxes(0, 1).reshape(len(names), -1))
-        if self._other_joints:
-            self._publish_other_joints(snapshot)
-
-    def _publish_other_joints(self, snapshot: Snapshot) -> None:
-        robots = self._other_joints
-        found = [(each, readings) for each in robots if (readings := each.joint_readings(snapshot)) is not None]
-        for count in {len(readings): None for _, readings in found}:
-            alike = [(each, readings) for each, readings in found if len(readings) == count]
-            encoder = self._joint_encoders.setdefault(count, GroupEncoder())
-            rows = np.array([readings for _, readings in alike])
-            payloads = encoder.encode([each.joint_template for each, _ in alike], snapshot.stamp, rows)
-            for (each, _), payload in zip(alike, payloads, strict=True):
-                each.publish_joint_states(snapshot, payload)
+        for robot in self._other_joints:
+            robot.publish_joint_states(snapshot)
 
     def publish(self, snapshot: Snapshot) -> None:
         """At a control tick, publish the limited commands, ground truth and odometry that are due."""

@@ -148,6 +148,8 @@ class ImuGroup:
     def publish(self, snapshot: Snapshot) -> None:
         """Publish a reading of each IMU that has subscribers."""
         subscribed = self._subscribed
+        if not subscribed.imus:
+            return
         states = snapshot.states(subscribed.robots)
         before, self._previous = self._previous, _ImuSnapshot(snapshot.now, subscribed.imus, states)
         if before is None or snapshot.now - before.now != self._period:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,8 @@ from services.sim.physics.world import BodyState, JointReadings, World
 
 Floats = NDArray[np.float64]
 
+FEW = 8
+"""Number of bodies up to which each is read and computed by itself: operations on arrays would take longer."""
 MANY = 0.5
 """Share of the bodies above which all are read at once."""
 
@@ -23,6 +24,7 @@ class Snapshot:
     def __init__(self, world: World, now: int, tick: int) -> None:
         self.now, self.tick = now, tick
         self._world = world
+        self._stamp = b""
         self._rows: Floats | None = None
         """States of all bodies, if they were read together."""
         self._indices: dict[str, int] = {}
@@ -32,14 +34,16 @@ class Snapshot:
         self._joint_slices: dict[str, slice] = {}
         self._joints: dict[str, JointReadings] = {}
 
-    @cached_property
+    @property
     def stamp(self) -> bytes:
         """The time, encoded for message templates."""
-        return encode_stamp(self.now)
+        if not self._stamp:
+            self._stamp = encode_stamp(self.now)
+        return self._stamp
 
     def read_states(self, names: Sequence[str]) -> None:
         """Prepare for ``states`` of these bodies: read all at once if there are many."""
-        if self._rows is None and len(names) > MANY * len(self._world.names):
+        if self._rows is None and len(names) > max(FEW, MANY * len(self._world.names)):
             self._rows = self._world.states()
             self._indices = {name: index for index, name in enumerate(self._world.names)}
 
@@ -54,14 +58,15 @@ class Snapshot:
 
     def read_joints(self, names: Sequence[str]) -> None:
         """Prepare for ``joints`` of these bodies: read all at once if there are many."""
-        if self._joint_rows is None and len(names) > MANY * len(self._world.names):
+        if self._joint_rows is None and len(names) > max(FEW, MANY * len(self._world.names)):
             self._joint_rows = self._world.joint_readings()
 
     def joint_rows(self, names: Sequence[str]) -> Floats:
         """Return the joints of bodies, one body after another, shape (3, n), see ``World.joint_readings``."""
         self.read_joints(names)
         if self._joint_rows is None:
-            return np.concatenate((np.empty((3, 0)), *(np.array(self.joints(name)) for name in names)), axis=1)
+            readings = [self.joints(name) for name in names]
+            return np.array([[number for each in readings for number in each[row]] for row in range(3)])
         if tuple(names) == self._world.names:
             return self._joint_rows
         return np.concatenate((np.empty((3, 0)), *map(self._joint_columns, names)), axis=1)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from itertools import accumulate
 from typing import Any
 
@@ -10,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.template import Template
+
+MAX_GROUPS = 16
+"""Maximum groups of an encoder that are kept: building one takes several times as long as filling it."""
 
 
 class TemplateGroup:
@@ -31,14 +35,11 @@ class TemplateGroup:
 
 
 class GroupEncoder:
-    """Fills groups of templates that rarely change from one call to the next."""
+    """Fills groups of templates; which ones are due changes from one call to the next, but recurs."""
 
     def __init__(self) -> None:
-        self._templates: list[Template[Any]] = []
-        self._group = TemplateGroup(())
+        self._group = lru_cache(MAX_GROUPS)(TemplateGroup)
 
-    def encode(self, templates: list[Template[Any]], stamp: bytes, numbers: NDArray[np.float64]) -> list[bytes]:
+    def encode(self, templates: Iterable[Template[Any]], stamp: bytes, numbers: NDArray[np.float64]) -> list[bytes]:
         """Return the message of each template, see ``TemplateGroup.encode``."""
-        if templates != self._templates:
-            self._templates, self._group = templates, TemplateGroup(templates)
-        return self._group.encode(stamp, numbers)
+        return self._group(tuple(templates)).encode(stamp, numbers)

@@ -31,7 +31,7 @@ from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry
 from services.sim.drive.odometry_error import assumed_geometry, draw_errors, odometry_error
 from services.sim.physics.world import BodyHandle, BodyState
-from services.sim.snapshot import Snapshot
+from services.sim.snapshot import FEW, Snapshot
 
 MIN_INTERVAL_S = 1e-4
 """Over a shorter interval the distance is updated, but no speed is computed."""
@@ -137,9 +137,15 @@ def world_motions(states: NDArray[np.float64]) -> NDArray[np.float64]:
 
     With ``PLANAR_COVARIANCE`` this is what the TurtleBot3's plugin calls odometry: not relative to the spawn pose.
     """
-    rows: Any = states.T
-    orientation = rows[3:7]
-    return np.concatenate((rows[:7], rotate_inverse(orientation, rows[7:10]), rotate_inverse(orientation, rows[10:]))).T
+    if len(states) <= FEW:
+        return np.array([_world_motion(state) for state in states.tolist()]).reshape(-1, 13)
+    return np.array(_world_motion(states.T)).T
+
+
+def _world_motion(state: Any) -> tuple[Any, ...]:
+    """Return the motion of one base; the thirteen numbers of its state may be arrays."""
+    orientation = state[3:7]
+    return *state[:7], *rotate_inverse(orientation, state[7:10]), *rotate_inverse(orientation, state[10:])
 
 
 def counted_motion(odometry: OdometryState) -> Motion:

@@ -12,7 +12,7 @@ from services.sim.noise import NoiseSource
 from services.sim.physics.bullet import MAX_RAYS
 from services.sim.physics.world import BodyState
 from services.sim.sensors import laser_ranges
-from services.sim.snapshot import Snapshot
+from services.sim.snapshot import FEW, Snapshot
 from tests.services.sim.physics.driven_robot import NewWorld, placement_at, robot_body
 
 WALL = Box(name="wall", size=(0.2, 8.0, 1.0), position=(2.1, 0.0, 0.5))
@@ -22,8 +22,10 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
     laser = read_model("burger").laser
     assert laser is not None
     with new_world(WorldDescription(boxes=(WALL,))) as world:
-        for place in range(3):
-            world.spawn(robot_body(f"tb3_{place}", "burger", placement_at(0.6 * place, 0.2 * place, 0.9 * place)))
+        for number in range(FEW + 2):
+            row, column = divmod(number, 3)
+            pose = placement_at(0.6 * column, 0.6 * row + 0.2 * column, 0.9 * number)
+            world.spawn(robot_body(f"tb3_{number}", "burger", pose))
         for _ in range(100):
             for place, name in enumerate(world.names):
                 world.body(name).set_speeds((3.0 + place, 4.0 - place))
@@ -49,7 +51,7 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
         single.read_states(names[:1])
         for name in names:
             assert (every.state(name), every.joints(name)) == (single.state(name), single.joints(name))
-        for chosen in (names, names[1:], names[::-1], names[:1], ()):
+        for chosen in (names, names[1:], names[::-1], names[2:5], names[:1], ()):
             expected = np.concatenate((np.empty((3, 0)), *(readings[names.index(name)] for name in chosen)), axis=1)
             for snapshot in (every, Snapshot(world, 5, 1)):
                 assert snapshot.joint_rows(chosen).tolist() == expected.tolist()

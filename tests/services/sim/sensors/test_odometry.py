@@ -17,6 +17,7 @@ from services.sim.drive.odometry import (
     world_motions,
 )
 from services.sim.physics.world import BodyState
+from services.sim.snapshot import FEW
 
 
 def test_the_twist_of_the_world_is_turned_into_the_body() -> None:
@@ -36,6 +37,14 @@ def test_the_twist_of_the_world_is_turned_into_the_body() -> None:
     assert odometry.pose.pose.orientation.yaw == pytest.approx(math.pi / 2)
     assert (odometry.header, odometry.child_frame_id) == (header, "tb3_0/base_footprint")
     assert odometry.pose.packed == odometry.twist.packed == ZERO_COVARIANCE
+
+
+def test_many_bases_have_the_motions_of_each() -> None:
+    states = np.random.default_rng(3).normal(size=(FEW + 3, 13))
+    together = world_motions(states)
+    assert together.tolist() == [world_motions(states[row : row + 1])[0].tolist() for row in range(len(states))]
+    assert world_motions(states[:FEW]).tolist() == together[:FEW].tolist()
+    assert world_motions(states[:0]).shape == (0, 13)
 
 
 def test_the_covariance_is_the_plugin_s() -> None:
