@@ -146,6 +146,8 @@ class Barrier:
         self.version = 0
         """Incremented whenever ``state`` may have changed."""
         self._begun = False
+        self._member_nodes = 0
+        """The number of nodes of all members."""
         self._generation = 0
         self._stride = 1
         self._epoch = -1
@@ -461,7 +463,7 @@ class Barrier:
 
         One with several nodes is ready when all of them are.
         """
-        if len(self._ready) == sum(len(member.ids) for member in self._members.values()):
+        if len(self._ready) == self._member_nodes:
             return
         claims: dict[tuple[str, int], list[str]] = {}
         for claim in self._ready:
@@ -525,6 +527,7 @@ class Barrier:
         All their steps fall on multiples of the stride.
         """
         self.version += 1
+        self._member_nodes = sum(len(member.ids) for member in self._members.values())
         self._joining = [member for member in self._members.values() if not member.active]
         self.watermarks.regroup({each for member in self._members.values() for each in member.ids.values()})
         self._stride = math.gcd(*(member.period_ns for member in self._members.values())) or 1
@@ -598,7 +601,7 @@ class Barrier:
         if member is None and done.leaving and self._had_left(done):
             return ""
         if member is None:
-            return f"from {done.session}, which is not a member"
+            return f"from {done.session!r}, which is not a member"
         if done.token != member.token:
             return f"for {member.name}, without the token that was sent to it: it is forged"
         if done.leaving and done.tick < 0:
@@ -638,7 +641,7 @@ class Barrier:
         """Remove the nodes of a member that have ended while others continue."""
         if gone := [node for node in nodes if node in member.ids]:
             self._note_leave(member, gone)
-            member.ids = {node: number for node, number in member.ids.items() if node not in gone}
+            member.release(gone)
             self._generation += 1
             self._regroup()
 

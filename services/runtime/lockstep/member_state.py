@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from services.runtime.lockstep.protocol import StepReport
@@ -47,7 +48,7 @@ class MemberState:
     readers: dict[str, dict[str, None]] = field(default_factory=dict)
     """By key, the sessions of other members that have subscribed to it since this member's last step."""
     sent: dict[bytes, int] = field(default_factory=dict)
-    """By publisher, the last number that this member has reported."""
+    """By publisher of its nodes, the last number that this member has reported."""
 
     @property
     def name(self) -> str:
@@ -66,20 +67,25 @@ class MemberState:
         """Return whether a publisher belongs to one of its nodes."""
         return publisher[:MEMBER_BYTES] in self.ids.values()
 
+    def release(self, nodes: Collection[str]) -> None:
+        """Forget nodes that have ended, and their publishers."""
+        self.ids = {node: number for node, number in self.ids.items() if node not in nodes}
+        self.sent = {publisher: number for publisher, number in self.sent.items() if self.owns(publisher)}
+
     def account(self, done: StepReport) -> str:
         """Record the numbers of a report; returns why they are refused, empty if they are accepted."""
         if done.answers_join and (done.period <= 0 or done.period % STEP_NS):
             return f"{self.name} asks to step every {done.period} ns, which is not a whole number of physics steps"
-        numbers = {each: number for news in (done.sequence_numbers, done.announced) for each, number in _flat(news)}
-        for publisher, number in numbers.items():
-            if not self.owns(publisher):
-                return f"{self.name} reports the numbers of another node's publisher"
-            last = self.sent.get(publisher, number if done.answers_join else 0)
-            if not last <= number <= last + MAX_JUMP:
-                return f"{self.name} reports number {number} of a publisher after {last}"
-        self.sent.update(numbers)
+        accepted: dict[bytes, int] = {}
+        for news in (done.sequence_numbers, done.announced):
+            for numbers in news.values():
+                for publisher, number in numbers.items():
+                    if (last := self.sent.get(publisher)) is None:
+                        if not self.owns(publisher):
+                            return f"{self.name} reports the numbers of another node's publisher"
+                        last = number if done.answers_join else 0
+                    if not last <= number <= last + MAX_JUMP:
+                        return f"{self.name} reports number {number} of a publisher after {last}"
+                    accepted[publisher] = number
+        self.sent.update(accepted)
         return ""
-
-
-def _flat(news: Numbers) -> list[tuple[bytes, int]]:
-    return [each for numbers in news.values() for each in numbers.items()]
