@@ -48,7 +48,7 @@ from services.sim.robot_names import odometry_child, robot_frame_prefix
 from services.sim.robot_topics import RobotPublisher, RobotTopicGroup, is_due, steps_of, topic_names
 from services.sim.sensor_publishers import SensorContext, robot_sensors
 from services.sim.sensors import joint_state
-from services.sim.snapshot import Snapshot
+from services.sim.snapshot import FEW, Snapshot
 from services.sim.template_groups import GroupEncoder, TemplateGroup
 
 
@@ -215,15 +215,16 @@ class MotionPublisher:
         """By rate [Hz], the robots whose body states are published."""
         truths: dict[float, list[RobotPublishers]] = {}
         measured: dict[tuple[int, int], list[RobotPublishers]] = {}
-        self._other_joints: list[RobotPublishers] = []
-        """Robots whose joint states differ from the plain measurements."""
+        self._single_joints: list[RobotPublishers] = []
+        """Robots whose joint states are published one by one: those that differ from the plain measurements, and all
+        of a few robots."""
         for each in robots:
             if each.truth.has_subscribers:
                 truths.setdefault(each.truth_rate, []).append(each)
             if each.truth.has_subscribers or each.odometer.state is None:
                 self._placed.setdefault(each.truth_rate, []).append(each.name)
-            if not each.joints_as_measured:
-                self._other_joints.append(each)
+            if not each.joints_as_measured or len(robots) <= FEW:
+                self._single_joints.append(each)
             elif each.joints_subscribed:
                 measured.setdefault((each.joint_state_steps, len(each.joints)), []).append(each)
         self._truths = [
@@ -253,7 +254,7 @@ class MotionPublisher:
             if snapshot.tick % steps == 0:
                 rows = snapshot.joint_rows(names).reshape(3, len(names), -1)
                 topics.publish(snapshot.stamp, rows.swapaxes(0, 1).reshape(len(names), -1))
-        for robot in self._other_joints:
+        for robot in self._single_joints:
             robot.publish_joint_states(snapshot)
 
     def publish(self, snapshot: Snapshot) -> None:

@@ -23,7 +23,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from services.runtime.transport.api import TIMEOUT
+from services.runtime.transport.api import TIMEOUT, Sample
 
 _KEPT = "@adv/pub"
 """Infix after a topic's key in the tokens of publishers that keep samples."""
@@ -90,7 +90,7 @@ class LatchedPast:
 
     def __init__(self, session: Any, run: Run, run_later: RunLater) -> None:
         self._run, self._run_later, self._session = run, run_later, session
-        self.held: Any = None
+        self.held: Sample | None = None
         """The next sent sample, held until the fetched samples before it have been read."""
         self._waiting: deque[Any] = deque()
         self._sent: deque[Any] = deque(maxlen=RECENT)
@@ -107,13 +107,13 @@ class LatchedPast:
         watch = Callback(self._on_token, indirect=False)
         self._watch = self._session.liveliness().declare_subscriber(f"{key}/{_KEPT}/**", watch, history=True)
 
-    def next(self, take: Callable[[], Any | None]) -> Any | None:
+    def next(self, take: Callable[[], Sample | None]) -> Sample | None:
         """Return the next new sample, the older of the fetched ones and the sent ones, which ``take`` returns."""
         while self.held is None and (sent := take()) is not None:
-            if self._is_new(sent):
+            if self._is_new(sent[2]):
                 self.held = sent
         if (fetched := self._pop()) is not None:
-            return fetched
+            return unpack_sample(fetched)
         sent, self.held = self.held, None
         return sent
 
@@ -122,7 +122,7 @@ class LatchedPast:
 
         A token may be reported twice, and its publisher queried twice.
         """
-        before = None if self.held is None else self.held.timestamp
+        before = None if self.held is None else self.held[2].timestamp
         while self._waiting:
             stamp = self._waiting[0].timestamp
             if stamp is not None and before is not None and stamp > before:
@@ -190,10 +190,16 @@ class LatchedPast:
         )
 
 
+def unpack_sample(sample: Any) -> Sample:
+    """Return Zenoh's sample as ours."""
+    attachment = sample.attachment
+    return sample.payload.to_bytes(), b"" if attachment is None else attachment.to_bytes(), sample
+
+
 def _identity(sample: Any) -> tuple[Any, int, int]:
     """Return what identifies a sample's copies; Python salts hashes of bytes per process, so they cannot be forged."""
-    attachment = sample.attachment
-    return sample.timestamp, hash(sample.payload.to_bytes()), hash(b"" if attachment is None else attachment.to_bytes())
+    payload, attachment, _ = unpack_sample(sample)
+    return sample.timestamp, hash(payload), hash(attachment)
 
 
 class Latching:

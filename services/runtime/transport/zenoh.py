@@ -30,7 +30,7 @@ from services.runtime.transport.api import (
     Sample,
     TokenEvent,
 )
-from services.runtime.transport.latching import LatchedPast, Latching
+from services.runtime.transport.latching import LatchedPast, Latching, unpack_sample
 from services.runtime.transport.peer_links import PeerLinks
 from services.runtime.transport.request_queue import Refusals, RequestQueue
 
@@ -51,15 +51,16 @@ class ZenohSubscriber:
         self._past = past
 
     def recv(self) -> Sample | None:
-        sample = self._pop() if self._past is None else self._past.next(self._pop)
-        return None if sample is None else _unpack(sample)
+        return self._take() if self._past is None else self._past.next(self._take)
 
-    def _pop(self) -> Any | None:
+    def _take(self) -> Sample | None:
         """Return the next sent sample, without wake-ups."""
         sample, self.held = self.held, None
         while sample is not None or (sample := self.subscriber.try_recv()) is not None:
-            if sample.attachment is not None or sample.encoding != WAKE:
-                return sample
+            if (attachment := sample.attachment) is not None:
+                return sample.payload.to_bytes(), attachment.to_bytes(), sample
+            if sample.encoding != WAKE:
+                return sample.payload.to_bytes(), b"", sample
             sample = None
         return None
 
@@ -90,11 +91,10 @@ class ZenohNotifyingSubscriber:
         self._notify()
 
     def recv(self) -> Sample | None:
-        sample = self._pop() if self._past is None else self._past.next(self._pop)
-        return None if sample is None else _unpack(sample)
+        return self._take() if self._past is None else self._past.next(self._take)
 
-    def _pop(self) -> Any | None:
-        return self._samples.popleft() if self._samples else None
+    def _take(self) -> Sample | None:
+        return unpack_sample(self._samples.popleft()) if self._samples else None
 
     def encoding(self, source: Any) -> str:
         return _encoding_of(source)
@@ -121,9 +121,9 @@ class ZenohThreadedSubscriber(ZenohSubscriber):
         self._put = put
         self._closing = False
 
-    def _pop(self) -> Any | None:
+    def _take(self) -> Sample | None:
         try:
-            return super()._pop()
+            return super()._take()
         except (zenoh.ZError, RuntimeError) as error:
             self._check_closed(error)
             return None
@@ -161,11 +161,6 @@ class ZenohThreadedSubscriber(ZenohSubscriber):
     def wake(self) -> None:
         with suppress(zenoh.ZError):  # the session has closed, which ended the wait
             self._put(self.wake_key, b"", encoding=WAKE, allowed_destination=zenoh.Locality.SESSION_LOCAL)
-
-
-def _unpack(sample: Any) -> Sample:
-    attachment = sample.attachment
-    return sample.payload.to_bytes(), b"" if attachment is None else attachment.to_bytes(), sample
 
 
 def _encoding_of(sample: Any) -> str:
