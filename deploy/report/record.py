@@ -216,6 +216,14 @@ def member_notes(facts: RunFacts, measured: Measurements) -> tuple[str, ...]:
     return tuple(found)
 
 
+def loss_notes(measured: Measurements) -> tuple[str, ...]:
+    """Return a note on which nodes lost messages of which topics, most first."""
+    lost = [(count, node, topic) for node, topics in measured.losses.items() for topic, count in topics.items()]
+    lost.sort(key=lambda each: (-each[0], *each[1:]))
+    listed = list_names([f"{node} lost {count} of {topic}" for count, node, topic in lost], MAX_NAMED)
+    return (f"messages lost: {listed}",) if lost else ()
+
+
 def _members(facts: RunFacts, measured: Measurements) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the members that lockstep lost, and those that left it; one that failed counts as
     lost, even if it left.

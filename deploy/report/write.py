@@ -8,7 +8,16 @@ import msgspec
 
 from deploy.report.checks import Bounds, check_figures
 from deploy.report.notes import real_time_notes
-from deploy.report.record import PICTURE_FILE, REPORT_FILE, SCHEMA, Report, RunFacts, member_notes, run_figures
+from deploy.report.record import (
+    PICTURE_FILE,
+    REPORT_FILE,
+    SCHEMA,
+    Report,
+    RunFacts,
+    loss_notes,
+    member_notes,
+    run_figures,
+)
 from messages.base import DECODE_ERRORS
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE, Measurements
 from services.grader.results import write_atomic
@@ -38,7 +47,7 @@ def build_report(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Rep
         robots=measured.robots,
         checks=found,
         parameters=facts.parameters,
-        notes=(*facts.notes, *member_notes(facts, measured), *real_time_notes(run, ok)),
+        notes=(*facts.notes, *member_notes(facts, measured), *loss_notes(measured), *real_time_notes(run, ok)),
         changes=facts.changes,
     )
 

@@ -18,7 +18,7 @@ from messages.names import absolute_namespace
 from messages.nav import Odometry, Path
 from messages.sensor import JointState
 from messages.std import SECOND
-from messages.topics import TOPICS
+from messages.topics import HEALTH, TOPICS
 from services.grader import ArmSpec, BrakingSpec, SizeSpec
 from services.grader.arm import ArmMeter
 from services.grader.clearance import ClearanceMeter
@@ -31,6 +31,7 @@ _GLOBAL_TOPICS = frozenset(topic.name for topic in TOPICS if topic.name.startswi
 MAX_PROCESSES = 4096
 MAX_TOPICS = 1 << 16
 """Maximum number of processes, and of topics per process, that are counted."""
+_HEARTBEATS = HEALTH.name.strip("/")
 
 
 @dataclass
@@ -47,7 +48,8 @@ class MessageLosses:
 
     A heartbeat contains the total, and for a node with many topics those with new losses first; each topic keeps its
     last reported count. Losses of the nodes ``readers`` (all nodes if empty) count for the run. Those of other nodes,
-    which only observe, are listed separately, since a slow browser says nothing about a run.
+    which only observe, are listed separately, since a slow browser says nothing about a run. Missed heartbeats are not
+    counted: each contains all that the earlier ones did.
     """
 
     def __init__(self, readers: Collection[str] = ()) -> None:
@@ -65,7 +67,7 @@ class MessageLosses:
         for each in health.inputs:
             if (topic := each.topic.strip("/")) in known.by_topic or (each.lost and len(known.by_topic) < MAX_TOPICS):
                 known.by_topic[topic] = each.lost
-        known.total = max(health.lost, sum(known.by_topic.values()))
+        known.total = max(health.lost, sum(known.by_topic.values())) - known.by_topic.get(_HEARTBEATS, 0)
 
     def total_losses(self) -> int:
         """Return the messages lost by readers on all topics."""
@@ -89,6 +91,18 @@ class MessageLosses:
                 if _lies_in(at, own, apart) or (within is not None and f"/{at}".startswith(within))
             ),
         )
+
+    def topic_losses(self) -> dict[str, dict[str, int]]:
+        """Return the messages lost by each reader on each topic, without those that lost none."""
+        found: dict[str, dict[str, int]] = {}
+        for (node, _), each in sorted(self._processes.items(), key=lambda item: item[0]):
+            if not self._counts(node):
+                continue
+            for topic, lost in sorted(each.by_topic.items()):
+                if lost and topic != _HEARTBEATS:
+                    topics = found.setdefault(node, {})
+                    topics[f"/{topic}"] = saturating_add(topics.get(f"/{topic}", 0), lost)
+        return found
 
     def missed_ticks(self) -> dict[str, int]:
         """Return the ticks that each reader missed because it was late, without readers that missed none."""
@@ -232,6 +246,7 @@ class Measurement:
             members_lost=lockstep.lost if lockstep is not None else None,
             members_left=lockstep.left if lockstep is not None else (),
             ticks_missed=self.losses.missed_ticks(),
+            losses=self.losses.topic_losses(),
             robots={name: self._result(name, meter) for name, meter in self.robots.items()},
         )
 

@@ -164,6 +164,8 @@ class Measurements(msgspec.Struct, frozen=True, kw_only=True):
     """Nodes that left lockstep properly before the end."""
     robots: dict[str, Figures]
     ticks_missed: dict[str, int] = {}
+    losses: dict[str, dict[str, int]] = {}
+    """``messages_lost`` by node and topic, as far as the heartbeats of nodes with very many topics tell."""
 
 
 MEASUREMENTS_FILE = "measurements.json"

@@ -356,6 +356,16 @@ def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measuremen
     assert build_report(unknown, msgspec.structs.replace(FACTS, mode="real"), {}).ok
 
 
+def test_lost_messages_are_named_with_who_lost_them_most_first(measured: Measurements) -> None:
+    losses = {"/grader": {"/clock": 3}, "/tb3_0/waypoint": {"/clock": 1, "/tb3_0/odom": 5}}
+    lost = build_report(msgspec.structs.replace(measured, messages_lost=9, losses=losses), FACTS, {})
+    assert [each.name for each in lost.checks if not each.ok] == ["messages_lost"]
+    assert lost.notes == (
+        "messages lost: /tb3_0/waypoint lost 5 of /tb3_0/odom, /grader lost 3 of /clock, /tb3_0/waypoint lost 1 of "
+        "/clock",
+    )
+
+
 def test_a_bound_on_nothing_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(BadInput, match=r"fleet\.toml.*did you mean 'cross_track_rms_m'"):
         check_bounds({"cross_track_rsm_m": 0.1}, "fleet.toml")

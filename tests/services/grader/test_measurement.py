@@ -170,6 +170,25 @@ def test_losses_of_those_who_look_on_are_told_apart() -> None:
     assert measured.messages_lost == 7 + 7
     assert measured.robots["tb3_0"].messages_lost == 5 + 5
     assert measured.onlookers_lost == {"/_topic_echo_12": 7, "/panel": 7 + 5}
+    by_topic = {"/clock": 2, "/tb3_0/odom": 5}
+    assert measured.losses == {"/logger": by_topic, "/tb3_0/waypoint": by_topic}
+    run.add_heartbeats(
+        [Health(node="/logger", pid=4, inputs=(InputHealth(topic="clock", lost=1), InputHealth(topic="/a")))]
+    )
+    assert run.measurements("goals").losses["/logger"] == {"/clock": 3, "/tb3_0/odom": 5}, "a restarted one adds to it"
+
+
+def test_missed_heartbeats_are_no_losses() -> None:
+    run = Measurement(("tb3",), 0.05, readers=("/supervisor",), namespaces={"tb3": "/"})
+    for node in ("/supervisor", "/panel"):
+        beats = InputHealth(topic="/health", lost=7)
+        run.add_heartbeats([Health(node=node, pid=1, lost=9, inputs=(beats, InputHealth(topic="/odom", lost=2)))])
+        run.add_heartbeats([Health(node=node, pid=1, lost=10, inputs=(beats,))])
+        run.add_heartbeats([Health(node=node, pid=2, lost=3, inputs=(InputHealth(topic="/health", lost=3),))])
+    measured = run.measurements("goals")
+    assert (measured.messages_lost, measured.onlookers_lost) == (3, {"/panel": 3})
+    assert measured.losses == {"/supervisor": {"/odom": 2}}
+    assert measured.robots["tb3"].messages_lost == 2
 
 
 def test_how_a_base_stops_follows_its_parameters_in_their_time() -> None:
