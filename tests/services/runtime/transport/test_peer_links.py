@@ -137,7 +137,8 @@ def test_the_link_returns(router: str) -> None:
         linked(one, two)
         assert one.idle()
         cut(one.tree, two.tree)
-        wait_until(lambda: one.has_lost(two.name) and two.has_lost(one.name), WITHIN_S, "unlinked")
+        wait_until(lambda: one.has_lost(two.name), WITHIN_S, "the first unlinked")
+        wait_until(lambda: two.has_lost(one.name), WITHIN_S, "the second unlinked")
         one.links.restore([two.name])
         assert one.linked_to(two.name)
         assert one.opened == ["client", "peer"]
