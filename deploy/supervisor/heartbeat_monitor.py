@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from services.runtime.heartbeat import PERIOD_S
@@ -48,8 +48,8 @@ def cpu_wait(before: Threads, after: Threads, elapsed: float) -> float:
 class CpuWaitMeter:
     """Samples the CPU waits of related processes repeatedly."""
 
-    def __init__(self, *pids: int) -> None:
-        self._pids = pids
+    def __init__(self) -> None:
+        self._pids: Sequence[int] = ()
         self._last: tuple[float, list[Threads]] | None = None
 
     def measure(self, now: float) -> float:
@@ -58,13 +58,13 @@ class CpuWaitMeter:
         """
         seen = [read_threads(each) for each in self._pids]
         last, self._last = self._last, (now, seen)
-        if last is None:
+        if last is None or not seen:
             return 0.0
         return max(cpu_wait(before, after, now - last[0]) for before, after in zip(last[1], seen, strict=True))
 
-    def reset(self) -> None:
-        """Discard the last sample; the next one is the first."""
-        self._last = None
+    def reset(self, *pids: int) -> None:
+        """Discard the last sample; the next one is the first, of these processes."""
+        self._pids, self._last = pids, None
 
 
 def read_threads(pid: int) -> Threads:

@@ -124,9 +124,9 @@ class ManagedProcess:
         """Kill the process if it hangs.
 
         It is excused while the supervisor itself is ``late``, and while a process that it depends on is down, since its
-        heartbeats may not get through then. Time in which it, or the supervisor, waits for a CPU does not count: a
-        restarted process would wait as well. While the fleet is ``starting``, declarations and queries between its
-        processes may delay a heartbeat, so the start-up timeout applies to each of them.
+        heartbeats may not get through then. Time in which it, the supervisor, or the router between them waits for a
+        CPU does not count: a restarted process would wait as well. While the fleet is ``starting``, declarations and
+        queries between its processes may delay a heartbeat, so the start-up timeout applies to each of them.
         """
         if self._child is None or self.state not in ("starting", "ready") or self._hang_reason:
             return
@@ -136,7 +136,7 @@ class ManagedProcess:
                 each.extend_to(now)
         overdue = [each for each in self._heartbeats.values() if each.is_late(now)]
         if not overdue:
-            self._cpu_wait.reset()
+            self._measure_cpu_wait_anew(self._child)
             return
         waited = self._cpu_wait.measure(now)
         for each in overdue:
@@ -266,12 +266,17 @@ class ManagedProcess:
             return _NOT_STARTED
         now = time.monotonic()
         self._heartbeats = {node: HeartbeatMonitor(now, self._grace) for node in self.spec.names}
-        self._beats, self._cpu_wait = {}, CpuWaitMeter(self._child.pid, os.getpid())
+        self._beats = {}
+        self._measure_cpu_wait_anew(self._child)
         self._set_state("starting")
         try:
             return await self._child.wait()
         finally:
             self.ready.clear()
+
+    def _measure_cpu_wait_anew(self, child: ChildProcess) -> None:
+        routers = [need._child.pid for need in self._dependencies if need.spec.kind == "router" and need._child]
+        self._cpu_wait.reset(child.pid, os.getpid(), *routers)
 
     def _set_state(self, state: ProcessStateName, reason: str = "") -> None:
         self.state, self._reason = state, reason

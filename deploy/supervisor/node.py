@@ -130,6 +130,7 @@ class SupervisorNode:
         self._action_handler: ActionHandler | None = None
         self._pending_query: PendingReplies | None = None
         self._answered = self._flood = -RECENT_S
+        self.delay_s = 0.0
         actions: tuple[ProcessAction, ...] = ("start", "stop", "restart")
         for action in actions:
             node.serve(_REQUESTS[action], partial(self._handle_action, action))
@@ -142,6 +143,9 @@ class SupervisorNode:
         health.update()
         if health.received + health.refused + health.repeated - before >= QUEUE_SIZE:
             self._flood = time.monotonic()
+        wall = time.time_ns()
+        known = [origin for beat, origin in health.messages if origin is not None and beat.node in self._members]
+        self.delay_s = max((wall - each.source_ns for each in known), default=0) / 1e9
         return [beat for beat, _ in health.messages]
 
     @property

@@ -35,6 +35,11 @@ class FleetBus(Protocol):
         ...
 
     @property
+    def delay_s(self) -> float:
+        """The longest time [s] that one of these was on its way, on the machine's clock."""
+        ...
+
+    @property
     def flooded(self) -> bool:
         """Whether so many messages arrive on the heartbeats' topic that real ones are overwritten
         before they are read.
@@ -62,6 +67,10 @@ add up over the start."""
 
 LATE_POLL_S = 0.5
 """Delay [s] of a check beyond which the processes' silence does not count: the supervisor itself did not run."""
+
+LATE_HEARTBEAT_S = 1.0
+"""Time [s] that a heartbeat is on its way beyond which the processes' silence does not count: those of others may be as
+late, or later, since a busy router does not serve all its links at once."""
 
 _PARTICIPLES: dict[ProcessAction, str] = {"stop": "stopped", "restart": "restarted"}
 
@@ -266,7 +275,7 @@ class Supervisor:
                 if process is not None:
                     process.on_heartbeat(beat, time.monotonic())
             now = time.monotonic()
-            late, last = now - last > LATE_POLL_S, now
+            late, last = now - last > LATE_POLL_S or self._bus.delay_s > LATE_HEARTBEAT_S, now
             unheard = self._heartbeats_blocked(now)
             for process in self.processes.values():
                 process.check_heartbeat(now, late or unheard, starting=not self._clock_started)

@@ -25,6 +25,7 @@ class FakeBus:
         self.answers: list[str] = []
         self.mute: set[str] = set()
         self.flooded = self.answers_router = False
+        self.delay_s = 0.0
 
     def heartbeats(self) -> Sequence[Health]:
         if not self._path.exists():

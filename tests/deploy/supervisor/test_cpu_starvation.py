@@ -9,9 +9,11 @@ import time
 from pathlib import Path
 
 import psutil
+import pytest
 
 from deploy.progress import ProgressReporter
-from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S
+from deploy.supervisor import heartbeat_monitor
+from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S, ThreadTimes
 from deploy.supervisor.supervisor import Supervisor
 from tests.deploy.supervisor.supervisor_harness import (
     SupervisorHarness,
@@ -51,3 +53,26 @@ def test_who_waits_for_a_processor_is_told_from_who_hangs(tmp_path: Path) -> Non
     assert outcome.restarts == harness.states("frozen").count("backing off") == 1
     assert harness.silence("frozen") > HEARTBEAT_TIMEOUT_S - 0.2
     assert harness.unexcused_silence("frozen") < HEARTBEAT_TIMEOUT_S + 1.0
+
+
+def test_the_waits_of_the_router_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Heartbeats pass through it."""
+    harness = SupervisorHarness(tmp_path)
+
+    async def starve(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        router, waits = supervisor.processes["router"].state_message().pid, supervisor.processes["waits"]
+
+        def starved_router(pid: int) -> dict[int, ThreadTimes]:
+            return {1: ThreadTimes(0, time.monotonic_ns(), False)} if pid == router else {}
+
+        with monkeypatch.context() as patch:
+            patch.setattr(heartbeat_monitor, "read_threads", starved_router)
+            harness.bus.mute = {"/waits"}
+            await wait_until(lambda: waits.starved_for(time.monotonic()) > SILENT_S or waits.state != "ready")
+            assert waits.state == "ready"
+        await wait_until(lambda: "backing off" in harness.states("waits"))
+
+    behind = faulty_process("good", "/waits", depends_on=("router",))
+    harness.run(starve, faulty_process("good", "/router", kind="router"), behind)
+    assert "backing off" not in harness.states("router")

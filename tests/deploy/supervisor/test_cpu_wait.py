@@ -49,12 +49,17 @@ def test_held_up(before: dict[int, ThreadTimes], after: dict[int, ThreadTimes], 
 def test_the_first_look_knows_nothing_and_later_ones_take_the_worst_process(monkeypatch: pytest.MonkeyPatch) -> None:
     told = {1: {1: thread(0, 0, True)}, 2: {2: thread(0, 0, False)}}
     monkeypatch.setattr(heartbeat_monitor, "read_threads", lambda pid: told[pid])
-    look = CpuWaitMeter(1, 2)
+    look = CpuWaitMeter()
+    look.reset(1, 2)
     assert look.measure(10.0) == 0.0
     told = {1: {1: thread(0.4, 0, True)}, 2: {2: thread(0, 0.3, False)}}
     assert look.measure(10.5) == pytest.approx(0.3)
-    look.reset()
+    look.reset(2)
     assert look.measure(11.0) == 0.0
+    told = {2: {2: thread(0, 0.5, False)}}
+    assert look.measure(11.5) == pytest.approx(0.2), "of the processes named last"
+    look.reset()
+    assert [look.measure(each) for each in (12.0, 13.0)] == [0.0, 0.0]
 
 
 def test_the_kernel_tells_of_every_thread() -> None:
@@ -74,7 +79,8 @@ def test_the_kernel_tells_of_every_thread() -> None:
 def test_where_nothing_is_told_nothing_is_excused() -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    look = CpuWaitMeter(gone.pid)
+    look = CpuWaitMeter()
+    look.reset(gone.pid)
     assert read_threads(gone.pid) == {}
     assert [look.measure(each) for each in (1.0, 2.0)] == [0.0, 0.0]
 
@@ -86,7 +92,8 @@ def test_a_process_that_is_stopped_is_not_held_up() -> None:
             wait_until(lambda: read_threads(spins.pid) and read_threads(spins.pid)[spins.pid].ran > 0.05 * NS)
             spins.send_signal(signal.SIGSTOP)
             wait_until(lambda: not read_threads(spins.pid)[spins.pid].runnable)
-            look, start = CpuWaitMeter(spins.pid), time.monotonic()
+            look, start = CpuWaitMeter(), time.monotonic()
+            look.reset(spins.pid)
             look.measure(start)
             time.sleep(0.3)
             assert look.measure(time.monotonic()) == 0.0

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import pytest
 
 from deploy.supervisor import node as node_module
 from deploy.supervisor.node import SupervisorNode, supervisor_node
-from messages.topics import CHECKS
+from messages.base import encode
+from messages.elea import Health
+from messages.topics import CHECKS, HEALTH
 from services.runtime.errors import TryAgain
 from services.runtime.graph import token_pattern
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
@@ -55,3 +58,20 @@ def test_in_lockstep_its_links_last_as_long_as_those_of_the_nodes(monkeypatch: p
     for lockstep, lease_s in ((False, 2), (True, RELIABLE_S)):
         with pytest.raises(Opened, match=f"^{lease_s * 1000}$"), supervisor_node("127.0.0.1:7447", lockstep=lockstep):
             raise AssertionError("it opened without a transport")
+
+
+def test_it_knows_how_long_heartbeats_of_the_fleet_were_on_their_way() -> None:
+    bus = MemoryBus()
+    with (
+        memory_node(bus, "supervisor") as node,
+        memory_node(bus, "stranger") as stranger,
+        memory_node(bus, "driver") as member,
+    ):
+        supervisor = SupervisorNode(node, members=["/driver"])
+        for sender, name, ago_s in ((stranger, "/stranger", 900.0), (member, "/driver", 0.0), (member, "/driver", 7.0)):
+            beat = encode(Health(node=name, pid=1))
+            sender.advertise(HEALTH).publish_encoded(beat, time.time_ns() - round(ago_s * 1e9))
+        assert len(supervisor.heartbeats()) == 3
+        assert 7.0 <= supervisor.delay_s < 900.0
+        assert supervisor.heartbeats() == []
+        assert supervisor.delay_s == 0.0

@@ -106,6 +106,10 @@ class TransportGate:
     def flooded(self) -> bool:
         return self._bus.flooded
 
+    @property
+    def delay_s(self) -> float:
+        return self._bus.delay_s
+
     def router_answers(self) -> bool:
         return self._bus.router_answers()
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 import psutil
 
-from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S
-from deploy.supervisor.supervisor import Supervisor
+from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S, RECOVERY_S
+from deploy.supervisor.supervisor import LATE_HEARTBEAT_S, Supervisor
 from tests.deploy.supervisor.supervisor_harness import (
     FAST_POLICY,
     SupervisorHarness,
@@ -77,6 +77,22 @@ async def no_heartbeat_at_all(harness: SupervisorHarness) -> None:
 async def heartbeats_lost_in_a_flood(harness: SupervisorHarness) -> None:
     """The fault is the flooding publisher's, and no process is killed."""
     await _lose_the_topic(harness, flood=True)
+
+
+async def heartbeats_that_are_late(harness: SupervisorHarness) -> None:
+    """While those of one process are long on their way, another's may be as well, and it is not killed."""
+
+    async def lose(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        late = supervisor.processes["b"]._heartbeats["/b"]
+        harness.bus.mute, harness.bus.delay_s = {"/b"}, LATE_HEARTBEAT_S + 0.1
+        await wait_until(lambda: late.silence(time.monotonic()) > HEARTBEAT_TIMEOUT_S + RECOVERY_S)
+        assert harness.states("b")[-1] == "ready"
+        harness.bus.delay_s = LATE_HEARTBEAT_S
+        await wait_until(lambda: "backing off" in harness.states("b"))
+        assert "backing off" not in harness.states("a")
+
+    await harness.play(lose, faulty_process("good", "/a"), faulty_process("good", "/b"))
 
 
 async def _lose_the_topic(harness: SupervisorHarness, flood: bool) -> None:
@@ -210,6 +226,7 @@ def test_restarts(tmp_path: Path) -> None:
             stopped_process,
             no_heartbeat_at_all,
             heartbeats_lost_in_a_flood,
+            heartbeats_that_are_late,
             no_heartbeat_and_no_router,
             silence_while_the_router_is_down,
             process_that_never_beats_is_given_up_after_its_grace,
