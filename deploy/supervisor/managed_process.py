@@ -123,10 +123,11 @@ class ManagedProcess:
     def check_heartbeat(self, now: float, late: bool, starting: bool = False) -> None:
         """Kill the process if it hangs.
 
-        It is excused while the supervisor itself is ``late``, and while a process that it depends on is down, since its
-        heartbeats may not get through then. Time in which it, the supervisor, or the router between them waits for a
-        CPU does not count: a restarted process would wait as well. While the fleet is ``starting``, declarations and
-        queries between its processes may delay a heartbeat, so the start-up timeout applies to each of them.
+        It is excused while the supervisor or the heartbeats that it receives are ``late``, and while a process that it
+        depends on is down, since its heartbeats may not get through then. Time in which it, the supervisor, or the
+        router between them waits for a CPU does not count: a restarted process would wait as well. While the fleet is
+        ``starting``, declarations and queries between its processes may delay a heartbeat, so the start-up timeout
+        applies to each of them.
         """
         if self._child is None or self.state not in ("starting", "ready") or self._hang_reason:
             return
